@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 from robot_stack.core.departure import SETTING_OUT, Departure
 from robot_stack.core.docks import Dock
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
+from robot_stack.docking.dock_calibration import Correction, learnt
 from robot_stack.docking.dock_tracker import DockTracker
 from robot_stack.docking.guard import Guard, held
 from robot_stack.docking.latch import LatchCommand, LatchKeeper
-from robot_stack.docking.learning import Correction, learnt
 from robot_stack.docking.params import DockingParams
 from robot_stack.docking.phases.latching import BackingOff, Latched, Latching, LookingOnce, Unlatching
 from robot_stack.docking.phases.search import Search

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from robot_stack.core.docks import Dock
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.pose_history import PoseHistory
-from robot_stack.docking.learning import Correction
+from robot_stack.docking.dock_calibration import Correction
 from robot_stack.docking.params import TargetParams
 from robot_stack.docking.sighting import Marker, Sighting, sighting
 from robot_stack.docking.target import DockTarget, Estimate, Seen
@@ -37,7 +37,7 @@ class DockTracker:
         self.visible_markers = 0
 
     def look_for(self, dock: Dock, correction: Correction) -> None:
-        """Starts a new job without earlier sightings. ``correction``: see :mod:`robot_stack.docking.learning`."""
+        """Starts a new job without earlier sightings. ``correction``: see ``dock_calibration``."""
         self._dock, self._correction = dock, correction
         self.forget()
 

@@ -20,7 +20,7 @@ from robot_stack.drive.wheel_axes import AxisSettings, DriveMove, SteerMove, dri
 from robot_stack.wmx.api import AxisCommandMode, EStopLevel
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.axis_group import SERVO_ON, AxisGroup
-from robot_stack.wmx.opening import DeviceOpener, OpenEngine, PromptOpener
+from robot_stack.wmx.device_opener import DeviceOpener, OpenEngine, PromptOpener
 from robot_stack.wmx.session import Applied, EngineSession, Patience
 from robot_stack.wmx.start_up import SessionState, StartUp
 

@@ -15,7 +15,7 @@ from robot_stack.mapping.grid import driven_cells, grid_of
 from robot_stack.mapping.ground import Surface, bins_of, surface_of
 from robot_stack.mapping.lidar_odometry import lidar_odometry
 from robot_stack.mapping.loops import Loop, candidates, close_loops
-from robot_stack.mapping.movers import votes_of
+from robot_stack.mapping.moving_objects import votes_of
 from robot_stack.mapping.params import MappingParams
 from robot_stack.mapping.pose_graph import Edges
 from robot_stack.mapping.poses import Floats, inverse, planar, transform, yaw_of
@@ -124,15 +124,15 @@ def _static(
     """(sweeps without moving objects, share of points left out)."""
     surface = _surface(sweeps, poses, params)
     tick = _ticks(progress, "finding what moved", len(sweeps))
-    votes = votes_of(sweeps, poses, np.asarray(robot.lidar_xyz_m), params.movers, tick)
+    votes = votes_of(sweeps, poses, np.asarray(robot.lidar_xyz_m), params.moving_objects, tick)
     kept = []
     for points, pose in zip(sweeps, poses, strict=True):
         there = transform(pose, points)
         height = there[:, 2] - surface.below(there)
-        high = height > params.movers.above_ground_m
+        high = height > params.moving_objects.above_ground_m
         gone = high & votes.moved(there)
         # Feet are removed with the body above: near the ground rays prove nothing.
-        columns = np.concatenate([there[:, :2] / params.movers.voxel_m, np.zeros((len(there), 1))], axis=1)
+        columns = np.concatenate([there[:, :2] / params.moving_objects.voxel_m, np.zeros((len(there), 1))], axis=1)
         around = _widened(columns[gone])
         feet = ~high & (height > params.grid.ground_band_m * 0.5)
         gone |= feet & np.isin(voxel_keys(columns, 1.0), around)

@@ -78,7 +78,7 @@ class Refinement(Config):
     fewest_share: Share
 
 
-class Movers(Config):
+class MovingObjectParams(Config):
     voxel_m: Positive
     margin_m: Positive
     range_m: Positive
@@ -163,7 +163,7 @@ class MappingParams(Config):
     wheel_odometry: WheelOdometry
     loops: Loops
     refinement: Refinement
-    movers: Movers
+    moving_objects: MovingObjectParams
     cells: CellSize
     grid: GridSettings
     mount: Mount

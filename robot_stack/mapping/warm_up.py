@@ -7,7 +7,7 @@ import numpy as np
 from robot_stack.core.config import load
 from robot_stack.mapping.cells import cells_of
 from robot_stack.mapping.ground import bins_of, surface_of
-from robot_stack.mapping.movers import votes_of
+from robot_stack.mapping.moving_objects import votes_of
 from robot_stack.mapping.params import MappingParams
 from robot_stack.mapping.registration import align, target_of
 
@@ -20,5 +20,5 @@ def warm_up() -> None:
     targets = [target_of(cells_of(points, 0.5, 5))]
     for laid in (points, points[::2]):
         align(laid, targets, poses[0], most_iterations=1)
-    votes_of([points, points], poses, np.ones(3), params.movers, lambda: None)
+    votes_of([points, points], poses, np.ones(3), params.moving_objects, lambda: None)
     surface_of(bins_of([points, points], params.grid.resolution_m), poses[:, :3, 3], params.grid)

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from robot_stack.core.worker import Worker
+from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.routes import RouteRequest, RouteResult, RouteSolver
-from robot_stack.navigation.stop import Stop
 
 
 class BackgroundPlanner:
@@ -14,11 +14,11 @@ class BackgroundPlanner:
         self._solver = solver
         self._worker = worker
         self._answer: RouteResult | None = None
-        self._stop: Stop | None = None
+        self._stop: CancelFlag | None = None
 
     def ask(self, question: RouteRequest) -> None:
         self.drop()
-        stop = self._stop = Stop()
+        stop = self._stop = CancelFlag()
         self._worker.submit(lambda: self._solve(question, stop), lambda answer: self._keep(answer, stop))
 
     def take(self) -> RouteResult | None:
@@ -40,7 +40,7 @@ class BackgroundPlanner:
         self.drop()
         self._worker.close(timeout_s)
 
-    def _solve(self, question: RouteRequest, stop: Stop) -> RouteResult:
+    def _solve(self, question: RouteRequest, stop: CancelFlag) -> RouteResult:
         if stop.wanted:
             return RouteResult(None, "cancelled")
         try:
@@ -48,6 +48,6 @@ class BackgroundPlanner:
         except Exception as error:  # handled like a missing route; the reason has the error
             return RouteResult(None, f"planning failed: {type(error).__name__}: {error}")
 
-    def _keep(self, answer: RouteResult, stop: Stop) -> None:
+    def _keep(self, answer: RouteResult, stop: CancelFlag) -> None:
         if stop is self._stop:
             self._answer, self._stop = answer, None

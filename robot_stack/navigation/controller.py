@@ -19,10 +19,10 @@ from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.limits import NO_LIMIT, MotionLimits, SpeedLimit
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.core.site_map import Grid
-from robot_stack.navigation.direct import allowed_speed, is_direct
 from robot_stack.navigation.follower import RouteFollower
 from robot_stack.navigation.goal import GoalRequest, refusal, too_far
 from robot_stack.navigation.limits import PlanningLimits, planning_limits
+from robot_stack.navigation.line_of_sight import allowed_speed, is_direct
 from robot_stack.navigation.motion import MotionState, Trajectory, moving
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.path import Path, path_of
@@ -30,7 +30,6 @@ from robot_stack.navigation.plan import plan_motion, plan_stop
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteSolver
 from robot_stack.navigation.states import NavigationState, Trigger, target_of
-from robot_stack.navigation.surroundings import Surroundings
 from robot_stack.navigation.tracker import (
     TrackingError,
     begun,
@@ -40,6 +39,7 @@ from robot_stack.navigation.tracker import (
     tracking_error,
     waiting_rate,
 )
+from robot_stack.navigation.world_model import WorldModel
 
 # A goal within these distances of the present one is a repetition of it.
 _SAME_M, _SAME_RAD = 1e-3, 1e-3
@@ -133,7 +133,7 @@ class NavigationController:
         self._text = "no goal"
         self.path: Path | None = None
         # The caller supplies the costmaps.
-        self.around = Surroundings(params, grid)
+        self.around = WorldModel(params, grid)
         self._follower = RouteFollower(params, self.around, routes(RouteSolver(params.planner, self.around.grid)))
         self._unreachable: _Unreachable | None = None
         self._narrow_mps = math.inf

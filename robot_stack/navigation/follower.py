@@ -1,4 +1,4 @@
-"""Drives along a route among obstacles: speed caps, the sampling controller, replanning, giving up.
+"""Drives along a route among obstacles: speed speed_limits, the sampling controller, replanning, giving up.
 
 stand-off    the robot makes room for a person who waits for it
 route        requested from a planner that answers in a later tick; kept until its successor, requested when
@@ -17,18 +17,18 @@ import numpy.typing as npt
 
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.robot import Footprint
-from robot_stack.navigation.caps import caps
-from robot_stack.navigation.giving_way import nearest_m, way_out
 from robot_stack.navigation.limits import PlanningLimits
 from robot_stack.navigation.local_map import LocalMap
 from robot_stack.navigation.params import NavigationParams, PeopleParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.people import Person
 from robot_stack.navigation.pose_source import Located
-from robot_stack.navigation.ramp import Ramp
+from robot_stack.navigation.rollout_controller import RolloutController
 from robot_stack.navigation.routes import RoutePlanner
-from robot_stack.navigation.sampling import SamplingController
-from robot_stack.navigation.surroundings import Surroundings
+from robot_stack.navigation.speed_limits import speed_limits
+from robot_stack.navigation.velocity_smoother import VelocitySmoother
+from robot_stack.navigation.world_model import WorldModel
+from robot_stack.navigation.yielding import nearest_m, way_out
 
 Array = npt.NDArray[np.float64]
 _SPACING_M = 0.1
@@ -54,12 +54,12 @@ class Step:
 class RouteFollower:
     """One goal at a time. ``route`` is replaced, never changed; None while there is no way."""
 
-    def __init__(self, params: NavigationParams, surroundings: Surroundings, routes: RoutePlanner) -> None:
+    def __init__(self, params: NavigationParams, surroundings: WorldModel, routes: RoutePlanner) -> None:
         self._params = params
         self._around = surroundings
         self._routes = routes
-        self._sampling = SamplingController(params.local)
-        self._ramp = Ramp()
+        self._sampling = RolloutController(params.local)
+        self._ramp = VelocitySmoother()
         self.route: Path | None = None
         self._goal: Pose2 | None = None
         self._problem = ""
@@ -138,7 +138,8 @@ class RouteFollower:
         local = self._local()
         speed = self._ramp.twist.speed()
         people = around.people if around.seeing else ()
-        cap = caps(np.column_stack((at, metres)), clear, people, now_s, speed, limits, footprint, p.caps, p.people)
+        along = np.column_stack((at, metres))
+        cap = speed_limits(along, clear, people, now_s, speed, limits, footprint, p.speed_limits, p.people)
         start = self._ramp.start(located.twist)
         table = _table(people, now_s, p.people)
         aside = self._give_way(located, footprint, now_s, dt_s)

@@ -16,12 +16,12 @@ import numpy.typing as npt
 
 from robot_stack.core.geometry import Pose2, wrap_angle
 from robot_stack.core.robot import Footprint
+from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.footprint import inner_m, outline, reach_m
 from robot_stack.navigation.grid_kernels import astar, free_headings, headings, relax, straighten
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid
-from robot_stack.navigation.stop import Stop
 from robot_stack.navigation.tight_passage import passage
 
 Array = npt.NDArray[np.float64]
@@ -65,12 +65,12 @@ class GlobalPlanner:
     """Routes over one grid. A plan is a pure function of its arguments and of the grid with its overlay."""
 
     def __init__(
-        self, grid: PlanningGrid, params: PlannerParams, stop: Stop | None = None, *, doubtful: bool = False
+        self, grid: PlanningGrid, params: PlannerParams, stop: CancelFlag | None = None, *, doubtful: bool = False
     ) -> None:
         """stop: once set, a plan ends soon, without a way. doubtful: optimised to detect early that there is none."""
         self.grid = grid
         self._params = params
-        self._stop = stop or Stop()
+        self._stop = stop or CancelFlag()
         self._flood_cells = grid.field.size if doubtful else _FLOOD_CELLS
 
     def plan(self, start: Pose2, goal: Pose2, footprint: Footprint) -> Path | NoWay:

@@ -139,7 +139,7 @@ class LocalParams(Config):
         return self
 
 
-class CapParams(Config):
+class SpeedLimitParams(Config):
     """Speed by clearance of the footprint."""
 
     slow_clearance_m: Positive
@@ -148,7 +148,7 @@ class CapParams(Config):
     braking_share: Share
 
     @model_validator(mode="after")
-    def _free_is_farther(self) -> CapParams:
+    def _free_is_farther(self) -> SpeedLimitParams:
         if self.slow_clearance_m >= self.free_clearance_m:
             raise ValueError("slow_clearance_m must be smaller than free_clearance_m")
         return self
@@ -247,7 +247,7 @@ class NavigationParams(Config):
     pose: PoseParams
     planner: PlannerParams
     local: LocalParams
-    caps: CapParams
+    speed_limits: SpeedLimitParams
     people: PeopleParams
     give_way: GiveWayParams
     follow: FollowParams

@@ -14,11 +14,11 @@ import numpy.typing as npt
 
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import Footprint
+from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.global_planner import GlobalPlanner, NoWay
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.planning_grid import PlanningGrid, empty_grid
-from robot_stack.navigation.stop import Stop
 
 Array = npt.NDArray[np.float64]
 
@@ -65,7 +65,7 @@ class RouteSolver:
         self._params = params
         self._site = None if site is None else site.view()
 
-    def solve(self, question: RouteRequest, stop: Stop) -> RouteResult:
+    def solve(self, question: RouteRequest, stop: CancelFlag) -> RouteResult:
         """stop: once set, this returns soon and its result is invalid."""
         p, grid = self._params, self._site
         if grid is None:
@@ -82,7 +82,7 @@ class RouteSolver:
         return RouteResult(None, found.reason)
 
     def _plan(
-        self, grid: PlanningGrid, question: RouteRequest, seen: Array, stop: Stop, *, doubtful: bool = False
+        self, grid: PlanningGrid, question: RouteRequest, seen: Array, stop: CancelFlag, *, doubtful: bool = False
     ) -> Path | NoWay:
         grid.lay_over(seen)
         planner = GlobalPlanner(grid, self._params, stop, doubtful=doubtful)
@@ -97,7 +97,7 @@ class PromptRoutes:
         self._answer: RouteResult | None = None
 
     def ask(self, question: RouteRequest) -> None:
-        self._answer = self._solver.solve(question, Stop())
+        self._answer = self._solver.solve(question, CancelFlag())
 
     def take(self) -> RouteResult | None:
         answer, self._answer = self._answer, None

@@ -10,12 +10,12 @@ import numpy.typing as npt
 
 from robot_stack.core.geometry import wrap_angle
 from robot_stack.core.robot import Footprint
+from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.footprint import inner_m, outline, reach_m
 from robot_stack.navigation.grid_kernels import clearances, free_headings
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.pose_search import search_poses
-from robot_stack.navigation.stop import Stop
 
 Array = npt.NDArray[np.float64]
 _STEP_M = 0.1
@@ -51,7 +51,7 @@ def passage(
     params: PlannerParams,
     start: Array,
     goal: Array,
-    stop: Stop,
+    stop: CancelFlag,
     *,
     any_heading: bool,
 ) -> Array | None:

@@ -9,14 +9,14 @@ from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from robot_stack.core.robot import load_robot
 from robot_stack.core.site_map import Grid
+from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.controller import NavigationController, Situation
-from robot_stack.navigation.giving_way import way_out
 from robot_stack.navigation.goal import GoalRequest
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.pose_source import Located
-from robot_stack.navigation.stop import Stop
 from robot_stack.navigation.tight_passage import passage
+from robot_stack.navigation.yielding import way_out
 
 _CELLS, _RESOLUTION_M = 200, 0.05
 
@@ -52,4 +52,4 @@ def warm_up() -> None:
     way_out(start, robot.footprint, local, ahead, params.local.governor_margin_m, params.give_way)
     grid = PlanningGrid(Grid(0.1, 0.0, 0.0, occupancy))
     ends = np.array([(2.0, 5.0, 0.0), (2.5, 5.0, 0.0)])
-    passage(grid, robot.footprint, params.planner, ends[0], ends[1], Stop(), any_heading=False)
+    passage(grid, robot.footprint, params.planner, ends[0], ends[1], CancelFlag(), any_heading=False)

@@ -12,13 +12,13 @@ from robot_stack.contract import frames
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.robot import Robot
-from robot_stack.perception.airborne import crowd_of
 from robot_stack.perception.deskew import Motion
-from robot_stack.perception.mixed import ChairEdges
+from robot_stack.perception.mixed_pixels import ChairEdges
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.sensor_view import SensorView
 from robot_stack.perception.space.view import View
 from robot_stack.perception.voxel import raised, voxels
+from robot_stack.perception.weather_filter import crowd_of
 
 Float = NDArray[np.float32]
 _NOTHING: Float = np.empty((0, 3), np.float32)
@@ -56,7 +56,8 @@ class Overhead:
         things, _ = self._crowd.split(found)
         if chair:
             self._chair_edges.look(points)
-            things = self._chair_edges.believed(things, self._params.mixed, self._params.mixed.overhead_points_min)
+            filter_params = self._params.mixed_pixels
+            things = self._chair_edges.believed(things, filter_params, filter_params.overhead_points_min)
         self._obstacles = told = voxels(things, self._params.obstacles.voxel_m)
         self._stamp_s = stamp_s
         look = self._views.view(stamp_s, seen.sensor_m, seen.tilt, told, seen.points, seen.profile)

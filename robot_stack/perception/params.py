@@ -155,7 +155,7 @@ class OverheadParams(Config):
     keep_s: Positive
 
 
-class MixedParams(Config):
+class MixedPixelParams(Config):
     """Filter of mixed pixels between the attached chair's edge and the background.
 
     points_min, overhead_points_min: in a cell and the eight beside it, of a half sweep and of the overhead LiDAR's
@@ -175,7 +175,7 @@ class OutputParams(Config):
     keep_s: Positive
 
 
-class MoverParams(Config):
+class MovingObjectParams(Config):
     """Tracking of moving objects: returns in places that were free before, tracked from view to view of one sensor.
 
     A return is new if its place was free ``new_s`` ago, and no older obstacle is within ``apart_m``.
@@ -236,7 +236,7 @@ class SpaceParams(Config):
     lever_m: NotNegative
     jump_m: Positive
     attach_margin_m: NotNegative
-    movers: MoverParams
+    moving_objects: MovingObjectParams
 
     @property
     def reach_m(self) -> float:
@@ -275,7 +275,7 @@ class PerceptionParams(Config):
     free_space: FreeSpaceParams
     watch: WatchParams
     overhead: OverheadParams
-    mixed: MixedParams
+    mixed_pixels: MixedPixelParams
     space: SpaceParams
     footing: FootingParams
     output: OutputParams

@@ -13,20 +13,20 @@ from robot_stack.core.geometry import Pose2
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.robot import Robot
 from robot_stack.perception import ground
-from robot_stack.perception.airborne import crowd_of
 from robot_stack.perception.carry import carried
 from robot_stack.perception.deskew import Attitude, Motion
-from robot_stack.perception.mixed import ChairEdges
+from robot_stack.perception.mixed_pixels import ChairEdges
 from robot_stack.perception.overhead import Overhead
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.sensor_view import Segmented, SensorView
 from robot_stack.perception.space.footing import Footing
 from robot_stack.perception.space.kernels import OCCUPIED
-from robot_stack.perception.space.movers import Movers
+from robot_stack.perception.space.moving_objects import MovingObjects
 from robot_stack.perception.space.space import Space, SpaceGrid
 from robot_stack.perception.space.view import View
 from robot_stack.perception.voxel import raised, voxels
 from robot_stack.perception.watch import DIRECTIONS
+from robot_stack.perception.weather_filter import crowd_of
 
 Float = NDArray[np.float32]
 _NOTHING: Float = np.empty((0, 3), np.float32)
@@ -65,7 +65,8 @@ class Pipeline:
         self._views = self._view.views(params.space.reach_m)
         self.space = Space(params.space, robot)
         self.footing = Footing(params.footing, params.space)
-        self._movers, self._movers_above = Movers(params.space.movers), Movers(params.space.movers)
+        tracked = params.space.moving_objects
+        self._tracker, self._overhead_tracker = MovingObjects(tracked), MovingObjects(tracked)
         self._overhead: Overhead | None = None
         if frames.OVERHEAD_LIDAR in robot.range_sensors:
             self._overhead = Overhead(robot, params, self.motion)
@@ -76,8 +77,8 @@ class Pipeline:
         self._last = None
         self.space.forget()
         self.footing.forget()
-        self._movers.forget()
-        self._movers_above.forget()
+        self._tracker.forget()
+        self._overhead_tracker.forget()
         if self._overhead is not None:
             self._overhead.forget()
 
@@ -85,7 +86,7 @@ class Pipeline:
         """A frame of the overhead LiDAR: adds its obstacles to the next scenes and its rays to the space model."""
         if self._overhead is not None:
             look = self._overhead.take(points, stamp_s, self.chair)
-            self._observe(look, self.motion.pose_at(stamp_s), self._movers_above)
+            self._observe(look, self.motion.pose_at(stamp_s), self._overhead_tracker)
 
     def scene(self, points: Points, stamp_s: float, obstructed: NDArray[np.bool_] | None = None) -> Scene:
         """Obstacles of the points and of the model of the space, which every sweep updates.
@@ -101,18 +102,19 @@ class Pipeline:
             # The chair hides most of an object beside it, so that few returns remain, see ``mixed``.
             self._chair_edges.look(points)
             obstacles = np.concatenate([obstacles, specks[self._chair_edges.beside(specks)]])
-            obstacles = self._chair_edges.believed(obstacles, self._params.mixed, self._params.mixed.points_min)
+            filter_params = self._params.mixed_pixels
+            obstacles = self._chair_edges.believed(obstacles, filter_params, filter_params.points_min)
         obstacles = np.concatenate([obstacles, self._edges(seen.profile)])
         fresh = voxels(obstacles, params.voxel_m, params.far_m, params.far_column_m)
         pose = self.motion.pose_at(stamp_s)
         look = self._views.view(stamp_s, seen.sensor_m, seen.tilt, fresh, seen.points, seen.profile)
         if self.chair:
             look = self._chair_edges.without(look)
-        self._observe(replace(look, specks=specks), pose, self._movers)
+        self._observe(replace(look, specks=specks), pose, self._tracker)
         known = self.space.remembered(pose, stamp_s - self._params.output.keep_s)
         shown = self._with_other_half(fresh, seen.profile, stamp_s)
         obstacles = np.concatenate([shown, self._from_above(stamp_s), known, close, self._falls(pose)])
-        moving = np.concatenate([movers.at(stamp_s, pose) for movers in (self._movers, self._movers_above)])
+        moving = np.concatenate([tracker.at(stamp_s, pose) for tracker in (self._tracker, self._overhead_tracker)])
         return Scene(stamp_s, obstacles, self.space.frontier(pose), self.footing.ends(pose), moving, broken)
 
     def grid(self) -> SpaceGrid:
@@ -120,13 +122,13 @@ class Pipeline:
         known = self.space.grid()
         return replace(known, state=np.where(self.footing.drop, OCCUPIED, known.state))
 
-    def _observe(self, look: View, pose: Pose2, movers: Movers) -> None:
-        """movers: the tracker of the same sensor."""
+    def _observe(self, look: View, pose: Pose2, tracker: MovingObjects) -> None:
+        """tracker: the tracker of the same sensor."""
         self.space.chair(self.chair)
         self.space.observe(look, pose)
         own = self._robot.footprint_with_chair if self.chair else self._robot.footprint
         self.footing.observe(look.floor, look.tilt, pose, own)
-        for body, vx_mps, vy_mps in movers.look(self.space.come(look, pose), look.stamp_s, self.space.would_see):
+        for body, vx_mps, vy_mps in tracker.look(self.space.come(look, pose), look.stamp_s, self.space.would_see):
             self.space.go_on(body, vx_mps, vy_mps, pose)
 
     def points(self, points: Points, stamp_s: float) -> tuple[Float, int]:

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 from rclpy.qos import QoSProfile
 
 from robot_stack.ros import transport
-from robot_stack.ros.guest import Guest
+from robot_stack.ros.tool_node import ToolNode
 
 _HIDDEN = re.compile(r"_(.+)_bulk")
 
@@ -39,9 +39,9 @@ class BulkInputs:
         self._owner = owner
         transport.keep_memory()
         with transport.shared_memory():
-            self._guest = Guest(f"_{owner.get_name()}_bulk")
-        self._node = self._guest.node
-        self._guest.spin_beside("bulk")
+            self._tool = ToolNode(f"_{owner.get_name()}_bulk")
+        self._node = self._tool.node
+        self._tool.spin_beside("bulk")
 
     def subscribe(
         self,
@@ -74,7 +74,7 @@ class BulkInputs:
 
     def idle(self) -> bool:
         """True if the thread has passed on everything that has arrived."""
-        return self._guest.executor.idle()
+        return self._tool.executor.idle()
 
     def close(self) -> None:
-        self._guest.close()
+        self._tool.close()

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.safety.collision import FREE, Approach, Floats, Outline, approach
-from robot_stack.safety.meeting import NOBODY, Meeting
 from robot_stack.safety.obstacle_params import CollisionParams
+from robot_stack.safety.pedestrian_collision import NOBODY, PedestrianCollision
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,8 +18,7 @@ class CollisionPrediction:
 
     unseen: of any of them to the end of known space. nearest_m: distance of the nearest obstacle to the footprint,
     infinite without one. reach_m: largest distance of the footprint from base_link. brake_mps2: the robot's largest
-    deceleration. meeting: of pedestrians. no_ground: approach of a motion ahead to the end of known ground.
-    measured: the twist by the wheels.
+    deceleration. no_ground: approach of a motion ahead to the end of known ground. measured: the twist by the wheels.
     """
 
     moving: Approach
@@ -28,7 +27,7 @@ class CollisionPrediction:
     nearest_m: float
     reach_m: float
     brake_mps2: float
-    meeting: Meeting = NOBODY
+    pedestrian_collision: PedestrianCollision = NOBODY
     no_ground: Approach = FREE
     measured: Twist2 = ZERO_TWIST
 

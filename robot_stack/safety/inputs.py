@@ -143,7 +143,7 @@ class ComputerState:
 class Snapshot:
     """All inputs at one moment. Ages in s on the steady clock, infinite for missing or unusable ones.
 
-    obedience: judgement of the measured speed by the limits that were in force, made by ``ObedienceWatch``.
+    overspeed: judgement of the measured speed by the limits that were in force, made by ``OverspeedWatch``.
     joint_states_up: they have once been fresh for the whole settling time of the start-up.
     estop: phrase that names the sources of the stop, empty without any.
     chair_loose, latch_not_closed: judgement of the latch and the wheelchair on it, made by ``ChairWatch``.
@@ -171,7 +171,7 @@ class Snapshot:
     undocking: SpeedLimit | None
     steering: Finding
     drive: Finding
-    obedience: Finding
+    overspeed: Finding
     joint_states_up: bool
     joint_states_age_s: float
     joint_states_problem: str

@@ -25,9 +25,9 @@ from robot_stack.safety.dead_reckoning import DeadReckoning, Modules
 from robot_stack.safety.drive_watch import DriveWatch
 from robot_stack.safety.inputs import DriveReading, ImuSample, ProcessAge, Snapshot
 from robot_stack.safety.lidar_watch import LidarWatch
-from robot_stack.safety.meeting import MeetingWatch
-from robot_stack.safety.obedience import ObedienceWatch
+from robot_stack.safety.overspeed import OverspeedWatch
 from robot_stack.safety.params import SafetyParams
+from robot_stack.safety.pedestrian_collision import PedestrianCollisionWatch
 from robot_stack.safety.slope import SlopeWatch
 from robot_stack.safety.steering_watch import SteeringWatch
 from robot_stack.safety.stop_sources import Press, SourcePresence, SourceReport, StopSources
@@ -79,7 +79,7 @@ class Observation:
         self._button_there = SourcePresence(params.stop_sources.button_silence_s, params.startup_settle_s)
         self._watches_button = _BUTTON in params.expected_processes
         own = SpeedLimit(robot.empty.max_speed_mps, robot.empty.max_yaw_rate_radps)
-        self._obedience = ObedienceWatch(params.obedience, own, robot.emergency_deceleration_mps2)
+        self._overspeed = OverspeedWatch(params.overspeed, own, robot.emergency_deceleration_mps2)
         dead_reckoning = DeadReckoning(params.obstacles.max_latency_s)
         modules = Modules(robot.module_positions_m(), robot.wheel_radius_m)
         self.wheels = WheelWatch(modules, params.standstill_mps, motion, dead_reckoning)
@@ -109,7 +109,9 @@ class Observation:
         self._last_way_s: float | None = None
         self.latch_problem = ""
         self._collision, self._robot = params.collision, robot
-        self._meeting = MeetingWatch(params.meeting, robot.emergency_deceleration_mps2)
+        self._pedestrian_collision = PedestrianCollisionWatch(
+            params.pedestrian_collision, robot.emergency_deceleration_mps2
+        )
 
     def emergency_stop(self, pressed: bool, now_s: float) -> None:
         self.estop.received(pressed, now_s)
@@ -121,7 +123,7 @@ class Observation:
 
     def limited(self, limit: SpeedLimit, hard: bool, now_s: float) -> None:
         """The published speed limit. hard: a stop at the emergency deceleration."""
-        self._obedience.limited(limit, hard, self._robot.motion(self.chair.carried), now_s)
+        self._overspeed.limited(limit, hard, self._robot.motion(self.chair.carried), now_s)
 
     def heartbeat(self, process: str, now_s: float) -> None:
         self._heard_s[process] = now_s
@@ -186,7 +188,7 @@ class Observation:
             undocking=self.chair.undocking(source, now_s),
             steering=self.steering.judge(now_s),
             drive=self.drive.judge(emergency or bool(estop), complete, now_s),
-            obedience=self._obedience.judge(self.wheels.twist(now_s, stale_s(topics.JOINT_STATES)), now_s),
+            overspeed=self._overspeed.judge(self.wheels.twist(now_s, stale_s(topics.JOINT_STATES)), now_s),
             joint_states_up=self.wheels.up(complete, now_s, stale_s(topics.JOINT_STATES), self._settle_s),
             joint_states_age_s=self.wheels.take_silence_s(now_s),
             joint_states_problem=self.wheels.problem,
@@ -275,8 +277,10 @@ class Observation:
         if moving is None:
             return seen
         motions = [measured, requested if driven is None else driven]
-        meeting = self._meeting.judge(moving, seen.nearest_m, outline_of(footprint), motions, requested, now_s)
-        return replace(seen, meeting=meeting)
+        pedestrian_collision = self._pedestrian_collision.judge(
+            moving, seen.nearest_m, outline_of(footprint), motions, requested, now_s
+        )
+        return replace(seen, pedestrian_collision=pedestrian_collision)
 
     def _body(self) -> Footprint:
         """The robot's own footprint; it includes a wheelchair only on a latch that is confirmed closed."""

@@ -48,7 +48,7 @@ class CollisionParams(Config):
         return self
 
 
-class MeetingParams(Config):
+class PedestrianCollisionParams(Config):
     """Collisions with pedestrians.
 
     A contact is a distance to the footprint below ``margin_m``, which grows by ``drift_mps`` with the time ahead.

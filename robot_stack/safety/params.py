@@ -12,7 +12,7 @@ from pydantic import Field, field_validator, model_validator
 from robot_stack.contract import faults, processes
 from robot_stack.core.config import Config
 from robot_stack.safety.computer_params import ComputerParams, LinkParams
-from robot_stack.safety.obstacle_params import CollisionParams, LidarParams, MeetingParams, ObstacleParams
+from robot_stack.safety.obstacle_params import CollisionParams, LidarParams, ObstacleParams, PedestrianCollisionParams
 
 Positive = Annotated[float, Field(gt=0.0)]
 Degrees = Annotated[float, Field(gt=0.0, lt=90.0)]
@@ -67,7 +67,7 @@ class UndockingParams(Config):
     max_yaw_rate_radps: Positive
 
 
-class ObedienceParams(Config):
+class OverspeedParams(Config):
     """Criteria of overspeed. hold_s: faster than permitted for longer than this. margin: added to the permitted speed,
     for measurement noise. notice_s: until the drive begins to brake; the time of a jerk limit is added.
     deceleration_share: share of the drive's deceleration with which the permitted speed falls.
@@ -100,7 +100,7 @@ class SafetyParams(Config):
     button_debounce_s: Annotated[float, Field(gt=0.0, le=0.05)]
 
     stop_sources: StopSourceParams
-    obedience: ObedienceParams
+    overspeed: OverspeedParams
     steering: SteeringParams
     undocking: UndockingParams
 
@@ -135,7 +135,7 @@ class SafetyParams(Config):
     degraded_limit_radps: Positive
 
     collision: CollisionParams
-    meeting: MeetingParams
+    pedestrian_collision: PedestrianCollisionParams
     obstacles: ObstacleParams
     lidar: LidarParams
     overhead_lidar: LidarParams

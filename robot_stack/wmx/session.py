@@ -14,8 +14,8 @@ from typing import Any, Final, Generic, NamedTuple, TypeVar
 from robot_stack.wmx import EngineError, MotionEngine
 from robot_stack.wmx.api import ErrorCode, error_name
 from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.device_opener import DeviceOpener, OpenEngine, PromptOpener
 from robot_stack.wmx.failures import ABSENT, LOST
-from robot_stack.wmx.opening import DeviceOpener, OpenEngine, PromptOpener
 
 _WAITING: Final = "waiting for the motion engine"
 _ENDED: Final = "the motion engine has ended"

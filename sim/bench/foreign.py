@@ -16,11 +16,11 @@ from robot_stack.bench.framework import Aim, BenchError, Result
 from robot_stack.contract import frames
 from robot_stack.core.config import load
 from robot_stack.core.robot import Robot, load_robot
-from robot_stack.perception.airborne import Crowd, crowd_of
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
 from robot_stack.perception.voxel import raised, voxels
 from robot_stack.perception.warm_up import warm_up
+from robot_stack.perception.weather_filter import Crowd, crowd_of
 from sim.bench.ground_real import FOLDER, SENSOR_HEIGHT_M
 from sim.bench.patchwork import Patchwork
 

@@ -18,6 +18,7 @@ from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
 from robot_stack.core.robot import Footprint, Motion, Robot, load_robot
 from robot_stack.core.site_map import Grid
+from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.controller import NavigationController, Situation
 from robot_stack.navigation.global_planner import GlobalPlanner, NoWay
 from robot_stack.navigation.goal import GoalRequest
@@ -26,7 +27,6 @@ from robot_stack.navigation.path import Path as Route
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.routes import RouteRequest, RouteResult, RouteSolver
-from robot_stack.navigation.stop import Stop
 from robot_stack.navigation.warm_up import warm_up
 from sim.bench.navigation_course import COSTMAP_RESOLUTION_M, Course, Sensor, course
 from sim.bench.navigation_result import Result
@@ -88,7 +88,7 @@ class LateRoutes:
         self.now_s = self._due_s = 0.0
 
     def ask(self, question: RouteRequest) -> None:
-        self._answer = self._solver.solve(question, Stop())
+        self._answer = self._solver.solve(question, CancelFlag())
         self._due_s = self.now_s + _PLAN_S
 
     def take(self) -> RouteResult | None:

@@ -15,11 +15,11 @@ from robot_stack.contract import frames
 from robot_stack.core.config import load
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST
 from robot_stack.core.robot import load_robot
-from robot_stack.perception.airborne import crowd_of
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
 from robot_stack.perception.voxel import raised
 from robot_stack.perception.warm_up import warm_up
+from robot_stack.perception.weather_filter import crowd_of
 from sim.bench.ground_kerbs import front_share, with_kerb
 from sim.bench.weather_scenes import AMOUNTS, ASIDE, KINDS, Bystander, Shower, of_world, shower, with_bystander
 from sim.lidar import labels

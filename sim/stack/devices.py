@@ -11,7 +11,7 @@ from robot_stack.system_monitor.nodes.computer_reader import ProcessReader, conf
 from robot_stack.ui.nodes.hub import Hub
 from robot_stack.ui.nodes.server import WebServer
 from robot_stack.wmx import MotionEngine
-from robot_stack.wmx.opening import PromptOpener, ThreadedOpener
+from robot_stack.wmx.device_opener import PromptOpener, ThreadedOpener
 from robot_stack.wmx.view import EngineView
 from sim.computer.computer import SimComputer
 from sim.ehmi.line import DisplayLine

@@ -144,7 +144,7 @@ class Invariants(Observer):
         self._begun_s: float | None = None
         self._reported: set[tuple[str, str]] = set()
         self._since = Since()
-        self._envelope = Envelope(self._params.obedience.notice_s)
+        self._envelope = Envelope(self._params.overspeed.notice_s)
         self._touched = 0
         self._stood_since_s = 0.0
         # Messages
@@ -372,7 +372,7 @@ class Invariants(Observer):
     def _braking_s(self) -> float:
         deceleration = self._deceleration(hard=True)
         linear_s = self._stop_speed[0] / deceleration
-        share, yaw_radps2 = self._params.obedience.deceleration_share, self._motion().max_yaw_acceleration_radps2
+        share, yaw_radps2 = self._params.overspeed.deceleration_share, self._motion().max_yaw_acceleration_radps2
         turning_s = self._stop_speed[1] / (share * yaw_radps2)
         return 2.0 * _BRAKING_REACTION_S + max(linear_s, turning_s)
 
@@ -387,7 +387,7 @@ class Invariants(Observer):
         asked = robot.emergency_deceleration_mps2 if hard else self._motion().max_acceleration_mps2
         slippery = [item.value for item in self._stack.world.faults.active if item.kind in ("slip", "slip_patch")]
         possible = 0.5 * _GRAVITY_MPS2 * min(slippery, default=1.0)
-        return min(self._params.obedience.deceleration_share * asked, possible)
+        return min(self._params.overspeed.deceleration_share * asked, possible)
 
     def _judge_speed(self, now_s: float, speed_mps: float) -> None:
         silent = now_s - self._limit_s > topics.VELOCITY_LIMIT.stale_limit_s
@@ -398,7 +398,7 @@ class Invariants(Observer):
         limit_mps = min(limit_mps, motion.max_speed_mps)
         jerk_s = 0.0 if hard else motion.max_acceleration_mps2 / motion.max_jerk_mps3
         permitted = self._envelope.update(limit_mps, self._deceleration(hard=hard), jerk_s, now_s)
-        rule = self._params.obedience
+        rule = self._params.overspeed
         too_fast_s = self._since.for_s("too fast", speed_mps > permitted + rule.margin_mps, now_s)
         if too_fast_s > rule.hold_s:
             text = f"{speed_mps:.2f} m/s for {too_fast_s:.2f} s where {permitted:.2f} m/s are permitted"

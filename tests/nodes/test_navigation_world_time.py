@@ -11,9 +11,9 @@ from rclpy.signals import SignalHandlerOptions
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.node_record import NodeRecords
 from robot_stack.core.world_clock import WorldClock
+from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.nodes.navigation_controller import NavigationControllerNode
 from robot_stack.navigation.routes import RouteRequest, RouteResult, RouteSolver
-from robot_stack.navigation.stop import Stop
 from robot_stack.ros.executor import LeanExecutor
 from tests.support.blind import BLIND
 from tests.support.waiting import wait_for
@@ -28,7 +28,7 @@ class Held(RouteSolver):
         self._solver = solver
         self.begun, self.go_on = threading.Event(), threading.Event()
 
-    def solve(self, question: RouteRequest, stop: Stop) -> RouteResult:
+    def solve(self, question: RouteRequest, stop: CancelFlag) -> RouteResult:
         self.begun.set()
         self.go_on.wait(60.0)
         return self._solver.solve(question, stop)

@@ -13,7 +13,7 @@ from robot_stack.bench.framework import BenchError
 from robot_stack.contract import topics
 from robot_stack.middleware.interfaces import interface_class
 from robot_stack.ros import transport
-from robot_stack.ros.guest import Guest
+from robot_stack.ros.tool_node import ToolNode
 
 _STAMP = struct.Struct("<iI")
 _STAMP_AT = 4  # after the encapsulation
@@ -25,11 +25,11 @@ class JointListener:
 
     def __init__(self, domain: int) -> None:
         transport.apply()
-        self._guest = Guest("joint_listener", domain)
+        self._tool = ToolNode("joint_listener", domain)
         self._arrived_ns: list[int] = []
         self._stamped_ns: list[int] = []
         row = topics.WMX_JOINT_STATES
-        self._guest.node.create_subscription(
+        self._tool.node.create_subscription(
             interface_class(row.type), row.name, self._on_message, QoSProfile(depth=_DEPTH), raw=True
         )
 
@@ -37,7 +37,7 @@ class JointListener:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._guest.close()
+        self._tool.close()
 
     def _on_message(self, data: bytes) -> None:
         self._arrived_ns.append(time.monotonic_ns())
@@ -51,14 +51,14 @@ class JointListener:
         while len(self._arrived_ns) < count:
             if time.monotonic() > end_s:
                 raise BenchError(f"{len(self._arrived_ns)} of {count} joint states in {longest_s:g} s")
-            self._guest.executor.spin_once(0.1)
+            self._tool.executor.spin_once(0.1)
 
     def run(self, duration_s: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Times of arrival (monotonic) and stamps (system clock) of the messages received within ``duration_s``, ns."""
         self._clear()
         end_s = time.monotonic() + duration_s
         while time.monotonic() < end_s:
-            self._guest.executor.spin_once(0.1)
+            self._tool.executor.spin_once(0.1)
         return np.array(self._arrived_ns, np.int64), np.array(self._stamped_ns, np.int64)
 
     def _clear(self) -> None:

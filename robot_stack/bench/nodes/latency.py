@@ -8,8 +8,8 @@ from typing import Any
 from robot_stack.contract.model import Topic
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.ros import transport
-from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
+from robot_stack.ros.tool_node import ToolNode
 
 
 class LatencyMeter:
@@ -17,8 +17,8 @@ class LatencyMeter:
 
     def __init__(self, rows: Sequence[Topic]) -> None:
         transport.apply(bulk=True)
-        self._guest = Guest("latency_meter")
-        self._node, self._executor = self._guest.node, self._guest.executor
+        self._tool = ToolNode("latency_meter")
+        self._node, self._executor = self._tool.node, self._tool.executor
         self.ages_s: dict[str, list[float]] = {row.name: [] for row in rows}
         self.latest: dict[str, Any] = {}
         for row in rows:
@@ -29,7 +29,7 @@ class LatencyMeter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._guest.close()
+        self._tool.close()
 
     def run(self, duration_s: float) -> None:
         """Receives for ``duration_s``; earlier ages are cleared."""

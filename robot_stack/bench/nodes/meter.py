@@ -15,8 +15,8 @@ from robot_stack.contract.model import Durability, Reliability, Topic
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.ros import transport
 from robot_stack.ros.bulk import owner_of
-from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
+from robot_stack.ros.tool_node import ToolNode
 
 NAME = "rate_meter"
 # Messages wait in their queues until taken; they carry their time of reception.
@@ -64,8 +64,8 @@ class Meter:
 
     def __init__(self, rows: Sequence[Topic]) -> None:
         transport.apply(bulk=True)
-        self._guest = Guest(NAME)
-        self._node = self._guest.node
+        self._tool = ToolNode(NAME)
+        self._node = self._tool.node
         self._rows = {row.name: row for row in rows}
         self._clock_s: list[float] = []  # of the first and the last tick of a window
         self._inputs = {row.name: self._listen(row) for row in rows}
@@ -89,7 +89,7 @@ class Meter:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._guest.close()
+        self._tool.close()
 
     def speed(self) -> float:
         """Simulated over real time in the last ``run``; 1 if nodes use the system clock."""

@@ -26,8 +26,8 @@ from robot_stack.bench.written_computer import WrittenComputer
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
 from robot_stack.ros import transport
-from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
+from robot_stack.ros.tool_node import ToolNode
 
 ROWS = ("OVERHEAT", "CPU_HIGH", "MEMORY_HIGH", "DISK_FULL", "EHMI_LINK_LOST", "UI_LINK_LOST")
 _NODE = [sys.executable, "-m", "robot_stack.ros.main"]
@@ -46,9 +46,9 @@ class Trial:
         self._computer = WrittenComputer(folder)
         self._disk = folder / "disk"
         self._disk.mkdir()
-        self._guest = Guest("monitor_trial")
+        self._tool = ToolNode("monitor_trial")
         self._ehmi, self._ui = self._advertise(topics.EHMI_STATUS), self._advertise(topics.UI_HEARTBEAT)
-        self._guest.node.create_subscription(
+        self._tool.node.create_subscription(
             SafetyStatus, topics.SAFETY_STATUS.name, self._on_status, qos_profile(topics.SAFETY_STATUS.qos)
         )
         self._faults: tuple[str, ...] | None = None
@@ -61,7 +61,7 @@ class Trial:
             process.terminate()
         for process in self._processes:
             process.wait()
-        self._guest.close()
+        self._tool.close()
 
     def start(self) -> None:
         """Raises BenchError if the rows are not monitored, or one is already in force."""
@@ -133,7 +133,7 @@ class Trial:
                 raise BenchError(f"no {what}: {f'{ended} has ended' if ended else f'within {limit_s:.0f} s'}")
             self._computer.tick()
             self._speak()
-            self._guest.executor.spin_once(_PUMP_S)
+            self._tool.executor.spin_once(_PUMP_S)
 
     def _speak(self) -> None:
         now_s = time.monotonic()
@@ -148,7 +148,7 @@ class Trial:
         self._faults = tuple(message.active_faults)
 
     def _advertise(self, row: Topic) -> Any:
-        return self._guest.node.create_publisher(interface_class(row.type), row.name, qos_profile(row.qos))
+        return self._tool.node.create_publisher(interface_class(row.type), row.name, qos_profile(row.qos))
 
     def _start(self, command: list[str]) -> None:
         self._processes.append(subprocess.Popen(command, stdout=subprocess.DEVNULL))

@@ -23,8 +23,8 @@ from robot_stack.contract.model import Topic
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.middleware.emergency_stop import StopSource
 from robot_stack.ros import transport
-from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
+from robot_stack.ros.tool_node import ToolNode
 from robot_stack.wmx import EngineError, connect
 
 _ENGINE_POLL_S = 0.0003
@@ -70,8 +70,8 @@ class StopLatencyMeter:
     def __init__(self, moment: Random) -> None:
         self._moment = moment
         transport.apply()
-        self._guest = Guest("stop_bench")
-        self._node = self._guest.node
+        self._tool = ToolNode("stop_bench")
+        self._node = self._tool.node
         self._teleop = self._advertise(topics.TELEOP_CMD_VEL)
         self._stop_publisher = self._advertise(topics.EMERGENCY_STOP)
         self._reports = self._advertise(topics.EMERGENCY_STOP_SOURCES)
@@ -98,14 +98,14 @@ class StopLatencyMeter:
         self._watch = threading.Thread(target=self._watch_engine, daemon=True)
 
     def __enter__(self) -> StopLatencyMeter:
-        self._guest.spin_beside("stop_bench")
+        self._tool.spin_beside("stop_bench")
         self._watch.start()
         return self
 
     def __exit__(self, *_: object) -> None:
         self._end.set()
         self._watch.join(2.0)
-        self._guest.close()
+        self._tool.close()
 
     # --- interface of the benchmark ----------------------------------------------------------------------------------
 

@@ -16,7 +16,7 @@ from control_msgs.action import FollowJointTrajectory
 from robot_stack.bench.framework import BenchError
 from robot_stack.contract import actions
 from robot_stack.ros import transport
-from robot_stack.ros.guest import Guest
+from robot_stack.ros.tool_node import ToolNode
 
 FloatArray = NDArray[np.float64]
 _JOINTS = [f"joint{number}" for number in range(1, 7)]
@@ -31,8 +31,8 @@ class TrajectoryClient:
 
     def __init__(self, domain: int) -> None:
         transport.apply()
-        self._guest = Guest("trajectory_client", domain)
-        self._client = ActionClient(self._guest.node, FollowJointTrajectory, actions.FOLLOW_JOINT_TRAJECTORY.name)
+        self._tool = ToolNode("trajectory_client", domain)
+        self._client = ActionClient(self._tool.node, FollowJointTrajectory, actions.FOLLOW_JOINT_TRAJECTORY.name)
         self.feedback_errors: list[float] = []
 
     def __enter__(self) -> TrajectoryClient:
@@ -43,7 +43,7 @@ class TrajectoryClient:
 
     def __exit__(self, *_: object) -> None:
         self._client.destroy()
-        self._guest.close()
+        self._tool.close()
 
     def follow(self, times_s: FloatArray, rows: FloatArray) -> tuple[int, int, str]:
         """(monotonic time of sending in ns, error code, error text)."""
@@ -91,7 +91,7 @@ class TrajectoryClient:
         while not done():
             if time.monotonic() > end_s:
                 raise BenchError(f"waited {_LONGEST_S:g} s in vain for {what}")
-            self._guest.executor.spin_once(0.002)
+            self._tool.executor.spin_once(0.002)
 
 
 def _duration(seconds: float) -> Duration:

@@ -23,8 +23,8 @@ from robot_stack.bench.ui_hostile import Outcome, Target, attack
 from robot_stack.contract import topics
 from robot_stack.core.runtime import touch_screen_url
 from robot_stack.ros import transport
-from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
+from robot_stack.ros.tool_node import ToolNode
 from robot_stack.ui.pin import hash_pin
 
 _ROWS = (topics.UI_COMMAND, topics.TELEOP_CMD_VEL, topics.INITIAL_POSE, topics.GOAL_POSE, topics.EMERGENCY_STOP)
@@ -45,13 +45,13 @@ class Trial:
     def __init__(self, log: Path) -> None:
         transport.apply()
         self._log = log
-        self._guest = Guest("ui_trial")
+        self._tool = ToolNode("ui_trial")
         self.changes = 0
         for row in _ROWS:
-            self._guest.node.create_subscription(
+            self._tool.node.create_subscription(
                 interface_class(row.type), row.name, self._on_message, qos_profile(row.qos)
             )
-        self._guest.spin_beside("ui_trial")
+        self._tool.spin_beside("ui_trial")
         settings = {"server.port": 0, "server.token": _TOKEN, "access.pin_hash": hash_pin(_PIN), "pages.map": ""}
         arguments = [word for name, value in settings.items() for word in ("-p", f"{name}:={_yaml(value)}")]
         command = [sys.executable, "-m", "robot_stack.ros.main", "touch_ui", "--ros-args", *arguments]
@@ -61,12 +61,12 @@ class Trial:
     def close(self) -> None:
         self._process.terminate()
         self._process.wait()
-        self._guest.close()
+        self._tool.close()
 
     def target(self) -> Target:
         """The server's address and cookie. Raises BenchError without a server or without its publishers."""
         self._wait(lambda: touch_screen_url() is not None, "the touch screen's address")
-        self._wait(lambda: all(self._guest.node.count_publishers(row.name) for row in _ROWS), "its publishers")
+        self._wait(lambda: all(self._tool.node.count_publishers(row.name) for row in _ROWS), "its publishers")
         return Target(urlsplit(touch_screen_url() or "").netloc, f"touch_ui={_TOKEN}")
 
     def serves(self, target: Target) -> bool:

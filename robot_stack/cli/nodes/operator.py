@@ -14,8 +14,8 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import ContractViolation, Service, Topic
 from robot_stack.middleware.emergency_stop import StopSource
 from robot_stack.ros import transport
-from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, qos_profile
+from robot_stack.ros.tool_node import ToolNode
 
 
 class Operator:
@@ -23,14 +23,14 @@ class Operator:
 
     def __init__(self) -> None:
         transport.apply()
-        self._guest = Guest(topics.OPERATOR_TOOL)
-        self.node, self._executor = self._guest.node, self._guest.executor
+        self._tool = ToolNode(topics.OPERATOR_TOOL)
+        self.node, self._executor = self._tool.node, self._tool.executor
 
     def __enter__(self) -> Operator:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._guest.close()
+        self._tool.close()
 
     def advertise(self, row: Topic) -> Publisher:
         """Raises ContractViolation if the contract does not name operators as publishers of the row."""

@@ -10,8 +10,8 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
 from robot_stack.middleware.wire import READERS
 from robot_stack.ros import transport
-from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, listener_profile
+from robot_stack.ros.tool_node import ToolNode
 
 NAME = "robot_stack_map_teach"
 # A sweep arrives after the readings of its time.
@@ -33,11 +33,11 @@ class TaughtTopics:
     def __init__(self) -> None:
         transport.apply(bulk=True)
         transport.keep_memory()
-        self._guest = Guest(NAME)
+        self._tool = ToolNode(NAME)
         self._subscriptions: list[tuple[Topic, Any]] = [
             (
                 row,
-                self._guest.node.create_subscription(
+                self._tool.node.create_subscription(
                     interface_class(row.type), row.name, lambda _: None, listener_profile(row), raw=True
                 ),
             )
@@ -48,11 +48,11 @@ class TaughtTopics:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._guest.close()
+        self._tool.close()
 
     def published(self) -> bool:
         """True if any of the topics has a publisher."""
-        return any(self._guest.node.count_publishers(row.name) for row in ROWS)
+        return any(self._tool.node.count_publishers(row.name) for row in ROWS)
 
     def take(self) -> list[Taken]:
         """All received messages, by topic. Without an executor, which would wake for every single message."""

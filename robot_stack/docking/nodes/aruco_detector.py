@@ -13,7 +13,7 @@ from robot_stack.core.camera import Intrinsics
 from robot_stack.core.config import ConfigError
 from robot_stack.core.docks import load_docks
 from robot_stack.docking.nodes.aruco_messages import Seen, detection_array, detections, grey_image, intrinsics_of
-from robot_stack.docking.vision.demand import DetectionDemand
+from robot_stack.docking.vision.detection_gate import DetectionGate
 from robot_stack.docking.vision.detector import MarkerDetector
 from robot_stack.docking.vision.pairing import Attention, Exposure, ExposureSets
 from robot_stack.docking.vision.params import ArucoDetectorParams
@@ -47,7 +47,7 @@ class ArucoDetectorNode(StackNode):
         self._attention = Attention(tuple(_CAMERAS), self.params.idle_camera_every)
         self._intrinsics: dict[str, Intrinsics] = {}
         self._complaints: dict[str, str] = {}
-        self._demand = DetectionDemand(self.params.linger_s)
+        self._demand = DetectionGate(self.params.linger_s)
         self._on = False
         self._published_s = self.steady_s()
         self._images: dict[str, Input] = {}

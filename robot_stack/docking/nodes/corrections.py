@@ -13,7 +13,7 @@ from pydantic import Field
 from robot_stack.core.config import Config, ConfigError, read_yaml, validate
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.runtime import state_dir
-from robot_stack.docking.learning import Correction
+from robot_stack.docking.dock_calibration import Correction
 
 
 class _Entry(Config):

@@ -20,7 +20,7 @@ from robot_stack.docking.nodes.outputs import DockingOutputs
 from robot_stack.docking.params import DockingParams
 from robot_stack.docking.results import DockCode, Result, UndockCode
 from robot_stack.docking.situation import Output, Situation
-from robot_stack.middleware.departures import DepartureWarnings
+from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.node import StackNode, run
 
 _TICK_HZ = topics.DOCKING_CMD_VEL.nominal_rate_hz
@@ -40,7 +40,7 @@ class DockingControllerNode(StackNode):
             self.get_logger().error(f"nothing learnt before is used: {problem}")
         cameras = {frame: mounting(self.robot, frame) for frame in (frames.FRONT_CAMERA, frames.REAR_CAMERA)}
         self._departure = Departure(load(DepartureParams, "departure"))
-        self._departures = DepartureWarnings(self, given=self._departure.announced)
+        self._departures = MotionWarnings(self, given=self._departure.announced)
         self._controller = DockingController(self.params, cameras, self._departure, self._corrections)
         self._latch = LatchIo(self, self.params.engine_poll_hz)
         self._outputs = DockingOutputs(self, self.params)

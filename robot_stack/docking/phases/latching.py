@@ -62,7 +62,7 @@ class Latching:
 
 
 class LookingOnce:
-    """One more sighting of the board at the closed latch: see :mod:`robot_stack.docking.learning`."""
+    """One more sighting of the board at the closed latch: see :mod:`robot_stack.docking.dock_calibration`."""
 
     def __init__(self, params: LatchParams) -> None:
         self._params = params

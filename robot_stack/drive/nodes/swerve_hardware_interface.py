@@ -16,7 +16,7 @@ from robot_stack.middleware.node import StackNode, run
 from robot_stack.wmx import connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import load_client_config
-from robot_stack.wmx.opening import ThreadedOpener
+from robot_stack.wmx.device_opener import ThreadedOpener
 from robot_stack.wmx.start_up import SessionState
 
 _COMMAND_STALE_S = topics.WHEEL_COMMANDS.stale_limit_s

@@ -17,7 +17,7 @@ from robot_stack.core.departure import DepartureParams
 from robot_stack.core.docks import load_docks
 from robot_stack.core.mission_library import MissionError, mission_library
 from robot_stack.middleware.conversions import pose_from_msg, twist_from_msg
-from robot_stack.middleware.departures import DepartureWarnings
+from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.node import StackNode, run
 from robot_stack.mission import events as ev
 from robot_stack.mission import route
@@ -37,7 +37,7 @@ class MissionManagerNode(StackNode):
         super().__init__("mission_manager", MissionParams)
         self._docking = DockingClient(self, self._handle)
         # Its warnings do not depend on other nodes': it cancels the goal before it sends a new one.
-        self._departures = DepartureWarnings(self, given=lambda: None)
+        self._departures = MotionWarnings(self, given=lambda: None)
         self._outputs = MissionOutputs(self, self.params, self._docking, self._departures)
         self._pose = self.subscribe(topics.CURRENT_POSE)
         self._odom = self.subscribe(topics.ODOM)

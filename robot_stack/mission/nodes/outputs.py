@@ -9,7 +9,7 @@ from robot_stack.contract import frames, topics
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import Kind
 from robot_stack.middleware.conversions import pose_stamped
-from robot_stack.middleware.departures import DepartureWarnings
+from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.node import StackNode
 from robot_stack.mission.events import Status
 from robot_stack.mission.nodes.docking_client import DockingClient
@@ -20,7 +20,7 @@ class MissionOutputs:
     """Publishers of the node ``mission_manager``, and its goals to docking: the kernel's ``perform.Outputs``."""
 
     def __init__(
-        self, node: StackNode, params: MissionParams, docking: DockingClient, departures: DepartureWarnings
+        self, node: StackNode, params: MissionParams, docking: DockingClient, departures: MotionWarnings
     ) -> None:
         self._node, self._params = node, params
         self._docking, self._departures = docking, departures

@@ -17,7 +17,7 @@ from robot_stack.core.geometry import ZERO_TWIST
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.site_map import load_map
 from robot_stack.middleware.conversions import pose_from_msg, time_to_s, twist_from_msg
-from robot_stack.middleware.departures import DepartureWarnings
+from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.node import StackNode, run
 from robot_stack.middleware.wheelchair import WheelchairInput
 from robot_stack.navigation.background_planner import BackgroundPlanner
@@ -41,7 +41,7 @@ class NavigationControllerNode(StackNode):
         motion = self.robot.empty
         self._poses = PoseSource(self.params.pose, motion.max_speed_mps, motion.max_yaw_rate_radps)
         self._departure = Departure(load(DepartureParams, "departure"))
-        self._departures = DepartureWarnings(self, given=self._departure.announced)
+        self._departures = MotionWarnings(self, given=self._departure.announced)
         grid = load_map(self.params.map).grid if self.params.map else None
         self.controller = NavigationController(
             self.params, self.robot, frames.MAP, self._departure, grid, self._background_planner

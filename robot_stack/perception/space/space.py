@@ -152,7 +152,7 @@ class Space:
         p = self._params
         hits, out = np.ascontiguousarray(view.hits, np.float32), np.empty((len(view.hits), 5))
         cells = (self._state, self._since_s, self._found, self._corner, p.cell_m)
-        apart, after_s = round(p.movers.apart_m / p.cell_m), self._newest_s - p.movers.new_s
+        apart, after_s = round(p.moving_objects.apart_m / p.cell_m), self._newest_s - p.moving_objects.new_s
         return out[: kernels.come(*cells, _array(pose), hits, apart, after_s, out)]
 
     def would_see(self, x_m: float, y_m: float, top_m: float) -> bool:
@@ -169,11 +169,11 @@ class Space:
 
         That is along its course, up to the robot, or to where it would be observed again."""
         p, footprint = self._params, self._robot.footprint_with_chair if self._chair else self._robot.footprint
-        rear, front, half = _rectangle(footprint, p.movers.beside_m)
+        rear, front, half = _rectangle(footprint, p.moving_objects.beside_m)
         x, y, c, s = _array(pose)
         at, top_m, hidden = body, float(body[:, 2].max()), False
         middle = body[:, :2].mean(axis=0)
-        for after_s in np.arange(_STEP_S, p.movers.coast_s + _STEP_S, _STEP_S):
+        for after_s in np.arange(_STEP_S, p.moving_objects.coast_s + _STEP_S, _STEP_S):
             on = body + np.array([after_s * vx_mps, after_s * vy_mps, 0.0])
             dx, dy = on[:, 0] - x, on[:, 1] - y
             u, v = c * dx + s * dy, c * dy - s * dx

@@ -14,8 +14,8 @@ import foxglove
 
 from robot_stack.contract.model import System
 from robot_stack.ros import transport
-from robot_stack.ros.guest import Guest
 from robot_stack.ros.interfaces import interface_class, listener_profile
+from robot_stack.ros.tool_node import ToolNode
 from robot_stack.view.channels import MODEL, has_model, offered
 from robot_stack.view.nodes.log_clock import LogClock
 from robot_stack.view.nodes.robot_model import RobotModel
@@ -47,14 +47,14 @@ class View:
         self._rows = rows
         self._subscriptions: dict[str, Any] = {}
         self._server = start_server(params, Listener(self._events), context)
-        self._guest = Guest(NAME)
+        self._tool = ToolNode(NAME)
 
     def __enter__(self) -> View:
         return self
 
     def __exit__(self, *_: object) -> None:
         self._server.stop()
-        self._guest.close()
+        self._tool.close()
 
     @property
     def port(self) -> int:
@@ -85,10 +85,10 @@ class View:
 
     def _subscribe(self, change: Change) -> None:
         for name in change.end:
-            self._guest.node.destroy_subscription(self._subscriptions.pop(name))
+            self._tool.node.destroy_subscription(self._subscriptions.pop(name))
         for name in change.begin:
             row = self._rows[name]
-            self._subscriptions[name] = self._guest.node.create_subscription(
+            self._subscriptions[name] = self._tool.node.create_subscription(
                 interface_class(row.type), name, lambda _: None, listener_profile(row), raw=True
             )
 

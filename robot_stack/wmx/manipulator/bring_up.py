@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from robot_stack.wmx import MotionEngine
 from robot_stack.wmx.api import ErrorCode
 from robot_stack.wmx.axes import AxisFeedback, StatusSnapshot
+from robot_stack.wmx.device_opener import OpenEngine
 from robot_stack.wmx.failures import ABSENT, BUSY
 from robot_stack.wmx.manipulator.startup import (
     START,
@@ -30,7 +31,6 @@ from robot_stack.wmx.manipulator.startup import (
     is_past,
 )
 from robot_stack.wmx.manipulator.steps import StartupRequests
-from robot_stack.wmx.opening import OpenEngine
 from robot_stack.wmx.session import EngineSession, Events, Patience
 
 _PROBE_S = 0.5

@@ -11,6 +11,7 @@ from robot_stack.middleware.node import StackNode, run
 from robot_stack.wmx import connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import load_client_config
+from robot_stack.wmx.device_opener import ThreadedOpener
 from robot_stack.wmx.differential.command import BadTwist, Command, OldTwist, TwistCommand
 from robot_stack.wmx.differential.kinematics import REST, body_twist
 from robot_stack.wmx.differential.odometry import Odometry, WheelOdometry, WheelReading
@@ -28,7 +29,6 @@ from robot_stack.wmx.differential.session import WheelSession
 from robot_stack.wmx.differential.shaping import TwistShaper
 from robot_stack.wmx.differential.states import Stage
 from robot_stack.wmx.nodes.diff_drive_outputs import DiffDriveOutputs
-from robot_stack.wmx.opening import ThreadedOpener
 from robot_stack.wmx.session import EngineSession
 
 # Discovery time of a sender that started earlier (config/fastdds.xml).

@@ -9,9 +9,9 @@ from robot_stack.middleware.node import StackNode, run
 from robot_stack.wmx import connect
 from robot_stack.wmx.api import CoreMotionErrorCode
 from robot_stack.wmx.config import load_client_config
+from robot_stack.wmx.device_opener import ThreadedOpener
 from robot_stack.wmx.nodes.trajectory_action import Job, TrajectoryAction
 from robot_stack.wmx.nodes.trajectory_messages import feedback_to_msg, goal_from_msg
-from robot_stack.wmx.opening import ThreadedOpener
 from robot_stack.wmx.session import EngineSession, Patience
 from robot_stack.wmx.trajectory.engine_arm import EngineArm
 from robot_stack.wmx.trajectory.goal import check_goal

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from robot_stack.wmx.api import CoreMotionErrorCode
 from robot_stack.wmx.trajectory.arm import Arm, ArmState, Blind, end_fault, fault_of, not_ready
+from robot_stack.wmx.trajectory.dual_clock import Moment
 from robot_stack.wmx.trajectory.goal import CheckedGoal
-from robot_stack.wmx.trajectory.moment import Moment
 from robot_stack.wmx.trajectory.plan import plan_spline
 from robot_stack.wmx.trajectory.results import Fault, GoalCode, GoalRefused, Result, aborted, succeeded
 from robot_stack.wmx.trajectory.settings import ExecutionSettings

@@ -8,7 +8,7 @@ import numpy as np
 
 from robot_stack.wmx.api import CoreMotionErrorCode
 from robot_stack.wmx.trajectory.arm import Arm, ArmState, fault_of
-from robot_stack.wmx.trajectory.moment import Moment
+from robot_stack.wmx.trajectory.dual_clock import Moment
 from robot_stack.wmx.trajectory.results import Fault, Outcome, Result, aborted
 from robot_stack.wmx.trajectory.settings import ExecutionSettings
 

@@ -7,8 +7,8 @@ import pytest
 from robot_stack.core.camera import mounting
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import load_robot
+from robot_stack.docking.dock_calibration import Correction
 from robot_stack.docking.dock_tracker import DockTracker
-from robot_stack.docking.learning import Correction
 from tests.unit.docking.bench import dock, markers_at, params
 
 DOCK = dock("chair_1")

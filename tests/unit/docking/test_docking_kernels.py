@@ -15,8 +15,8 @@ from custom_msgs.msg import DockingStatus
 from robot_stack.contract.frames import FRONT_CAMERA
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2
 from robot_stack.docking.contact import ContactWatch
+from robot_stack.docking.dock_calibration import Correction, learnt
 from robot_stack.docking.latch import LatchCommand, LatchInputs, LatchKeeper, LatchMotion, Motion
-from robot_stack.docking.learning import Correction, learnt
 from robot_stack.docking.motion import Follower, Point, approach, correction, from_base, into_base, straight_to
 from robot_stack.docking.results import DockCode, UndockCode
 from robot_stack.docking.sighting import Marker, Sighting, sighting

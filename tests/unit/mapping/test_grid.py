@@ -9,7 +9,7 @@ from robot_stack.core.config import load
 from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN
 from robot_stack.mapping.grid import driven_cells, grid_of
 from robot_stack.mapping.ground import bins_of, surface_of
-from robot_stack.mapping.movers import Votes
+from robot_stack.mapping.moving_objects import Votes
 from robot_stack.mapping.params import MappingParams
 
 PARAMS = load(MappingParams, "mapping")
@@ -92,7 +92,7 @@ def test_no_ground_is_an_error():
 
 def test_a_voxel_that_is_looked_through_held_a_mover():
     """A person stands at x = 3 for 2 sweeps, then 10 sweeps see the wall at x = 6 behind. The wall stays."""
-    votes = Votes(np.zeros(3), np.array([8.0, 4.0, 3.0]), PARAMS.movers)
+    votes = Votes(np.zeros(3), np.array([8.0, 4.0, 3.0]), PARAMS.moving_objects)
     origin, random = np.array([1.0, 2.0, 1.0]), np.random.default_rng(0)
 
     def board(x: float) -> np.ndarray:

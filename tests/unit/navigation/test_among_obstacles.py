@@ -19,10 +19,10 @@ from robot_stack.navigation.controller import NavigationController, Output, Situ
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.people import PeopleTracker
 from robot_stack.navigation.pose_source import Located
-from robot_stack.navigation.ramp import Ramp
 from robot_stack.navigation.rollout_kernels import along_poses, free_time
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteSolver
 from robot_stack.navigation.states import NavigationState
+from robot_stack.navigation.velocity_smoother import VelocitySmoother
 from tests.unit.navigation.plant import ROBOT, Drive, params, request
 
 _N, _RES = 200, 0.05
@@ -365,7 +365,7 @@ def test_tracker_leaves_out_what_the_map_knows_and_what_is_too_big() -> None:
 
 def test_ramp_takes_what_is_not_finite_as_zero() -> None:
     limits = MotionLimits(1.0, 1.0, 0.7, 0.7, 1.4, 1.4)
-    ramp = Ramp()
+    ramp = VelocitySmoother()
     ramp.reset(Twist2(0.5, 0.0, 0.0))
     twist = ramp.towards(Twist2(math.nan, 0.0, 0.0), ramp.twist, limits, 0.05)
     assert twist.is_finite()

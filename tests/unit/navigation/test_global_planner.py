@@ -13,13 +13,13 @@ from scipy import ndimage
 from robot_stack.core.geometry import Pose2, wrap_angle
 from robot_stack.core.robot import Footprint
 from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, Grid
+from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.footprint import outline, reach_m
 from robot_stack.navigation.global_planner import GlobalPlanner, NoWay, goal_problem
 from robot_stack.navigation.grid_kernels import distances
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.planning_grid import PlanningGrid
-from robot_stack.navigation.stop import Stop
 from robot_stack.navigation.tight_passage import passage
 from tests.unit.navigation.plant import ROBOT, params
 
@@ -208,7 +208,7 @@ def test_passage_between_poses_turns_on_the_way_and_keeps_its_ends() -> None:
     cells = grid()
     made = PlanningGrid(Grid(0.1, 0.0, 0.0, cells))
     start, goal = np.array([3.0, 5.0, 3.0]), np.array([6.0, 5.5, -3.0])
-    found = passage(made, ROBOT.footprint, params().planner, start, goal, Stop(), any_heading=False)
+    found = passage(made, ROBOT.footprint, params().planner, start, goal, CancelFlag(), any_heading=False)
     assert found is not None
     assert np.allclose(found[0], start)
     assert np.allclose(found[-1, :2], goal[:2])
@@ -222,4 +222,4 @@ def test_no_passage_through_a_wall() -> None:
     cells[:, 75] = OCCUPIED
     made = PlanningGrid(Grid(0.1, 0.0, 0.0, cells))
     ends = np.array([5.0, 5.0, 0.0]), np.array([10.0, 5.0, 0.0])
-    assert passage(made, ROBOT.footprint, params().planner, *ends, Stop(), any_heading=True) is None
+    assert passage(made, ROBOT.footprint, params().planner, *ends, CancelFlag(), any_heading=True) is None

@@ -16,11 +16,11 @@ from scipy import ndimage
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
 from robot_stack.navigation.background_planner import BackgroundPlanner
+from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.grid_kernels import astar
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteRequest, RouteResult, RouteSolver
 from robot_stack.navigation.states import NavigationState
-from robot_stack.navigation.stop import Stop
 from tests.support.stepped_worker import SteppedWorker
 from tests.unit.navigation.plant import ROBOT, params
 from tests.unit.navigation.test_among_obstacles import Story, box, corridor, nothing, reached
@@ -58,7 +58,7 @@ class Noted:
 
     def ask(self, asked: RouteRequest) -> None:
         self.questions.append(asked)
-        self._answer, self._asked_for = self.solver.solve(asked, Stop()), 0
+        self._answer, self._asked_for = self.solver.solve(asked, CancelFlag()), 0
 
     def take(self) -> RouteResult | None:
         self._asked_for += 1
@@ -85,19 +85,19 @@ def story(grid: Grid, late: int = 0, paint: Callable[..., np.ndarray] = nothing)
 
 
 def test_what_the_map_closes_is_lasting_and_what_was_seen_is_not() -> None:
-    assert solver(divided()).solve(question(), Stop()) == RouteResult(
+    assert solver(divided()).solve(question(), CancelFlag()) == RouteResult(
         None, "no way from (2.0, 5.0) to (13.0, 5.0)", lasting=True
     )
     across = np.column_stack((np.full(200, 8.05), np.linspace(0.0, 10.0, 200)))
-    answer = solver(divided(slice(40, 60))).solve(question(seen=across), Stop())
+    answer = solver(divided(slice(40, 60))).solve(question(seen=across), CancelFlag())
     assert (answer.route, answer.lasting) == (None, False)
     assert "no way" in answer.reason
-    assert solver(divided(slice(40, 60))).solve(question(), Stop()).route is not None
+    assert solver(divided(slice(40, 60))).solve(question(), CancelFlag()).route is not None
 
 
 def test_without_a_map_nothing_is_lasting() -> None:
     ring = (GOAL.x, GOAL.y) + 2.0 * np.array([(np.cos(angle), np.sin(angle)) for angle in np.linspace(0.0, 6.29, 400)])
-    answer = solver(None).solve(question(seen=ring), Stop())
+    answer = solver(None).solve(question(seen=ring), CancelFlag())
     assert (answer.route, answer.lasting) == (None, False)
 
 
@@ -105,8 +105,8 @@ def test_two_solvers_of_one_map_do_not_see_each_other_s_obstacles() -> None:
     site = PlanningGrid(divided(slice(40, 60)))
     one, other = RouteSolver(params().planner, site), RouteSolver(params().planner, site)
     across = np.column_stack((np.full(200, 8.05), np.linspace(0.0, 10.0, 200)))
-    assert one.solve(question(seen=across), Stop()).route is None
-    assert other.solve(question(), Stop()).route is not None
+    assert one.solve(question(seen=across), CancelFlag()).route is None
+    assert other.solve(question(), CancelFlag()).route is not None
     assert np.array_equal(site.field, site.known_field)
 
 
@@ -210,7 +210,7 @@ def test_an_answer_that_nobody_took_is_dropped_by_the_next_question(
 
 
 def test_a_search_that_is_stopped_ends_without_a_way(big: RouteSolver) -> None:
-    stop = Stop()
+    stop = CancelFlag()
     stop.set()
     assert big.solve(BIG, stop).route is None
 
@@ -224,10 +224,10 @@ def test_an_error_in_a_plan_is_an_answer(planner: BackgroundPlanner, worker: Ste
 
 
 def test_the_end_stops_a_search_and_the_worker(big: RouteSolver, worker: SteppedWorker) -> None:
-    asked: list[Stop] = []
+    asked: list[CancelFlag] = []
 
     class Solver:
-        def solve(self, question: RouteRequest, stop: Stop) -> RouteResult:
+        def solve(self, question: RouteRequest, stop: CancelFlag) -> RouteResult:
             asked.append(stop)
             ended.close(2.0)
             return RouteResult(None, "stopped")

@@ -16,7 +16,7 @@ from robot_stack.safety.collision import FREE, Approach
 from robot_stack.safety.collision_prediction import CollisionPrediction, seen_limit_mps
 from robot_stack.safety.conditions import CONDITIONS, stale_s, stale_sight_limit, unseen_limit
 from robot_stack.safety.inputs import CLEAR, ComputerState, Finding, Level, ProcessAge, Snapshot
-from robot_stack.safety.meeting import Meeting
+from robot_stack.safety.pedestrian_collision import PedestrianCollision
 from tests.unit.safety.story import PARAMS
 
 NONE, WARN, LIMIT, STOP, EMERGENCY = SafetyAction
@@ -32,7 +32,7 @@ WELL = Snapshot(
     latch_not_closed=CLEAR,
     undocking=None,
     steering=CLEAR,
-    obedience=CLEAR,
+    overspeed=CLEAR,
     joint_states_up=True,
     joint_states_age_s=0.0,
     joint_states_problem="",
@@ -90,7 +90,7 @@ def test_never_more_severe_than_the_contract_says(code: str) -> None:
         "latch_not_closed": present(STOP, "loose"),
         "steering": present(EMERGENCY, "stuck"),
         "drive": present(EMERGENCY, "broken"),
-        "obedience": present(EMERGENCY, "too fast"),
+        "overspeed": present(EMERGENCY, "too fast"),
         "joint_states_age_s": math.inf,
         "imu_age_s": math.inf,
         "inclination_rad": math.pi,
@@ -125,7 +125,7 @@ def test_estop() -> None:
 def test_drive_is_what_its_watch_found() -> None:
     found = Finding(Level.WAITING, STOP, None, "coming up")
     assert find("DRIVE_FAULT", drive=found) is found
-    assert find("OVERSPEED", obedience=found) is found
+    assert find("OVERSPEED", overspeed=found) is found
     assert find("CHAIR_LOOSE", chair_loose=found) is found
     assert find("STEERING_FAULT", steering=found) is found
     assert find("LATCH_NOT_CLOSED", latch_not_closed=found) is found
@@ -320,8 +320,8 @@ def prediction(moving: Approach = FREE, wanted: Approach = FREE) -> CollisionPre
     return replace(FREE_WAY, moving=moving, wanted=wanted)
 
 
-def meeting(somebody: Meeting, moving: Approach = FREE) -> CollisionPrediction:
-    return replace(FREE_WAY, moving=moving, meeting=somebody)
+def pedestrian_collision(somebody: PedestrianCollision, moving: Approach = FREE) -> CollisionPrediction:
+    return replace(FREE_WAY, moving=moving, pedestrian_collision=somebody)
 
 
 def test_lidar_and_obstacles_that_fall_silent() -> None:
@@ -361,8 +361,12 @@ def test_without_obstacles_nobody_can_judge(code: str, active_action: SafetyActi
         (STOP, prediction(Approach(1.29, 5.0)), present(STOP, "collision in 1.3 s")),
         (STOP, prediction(Approach(5.0, 0.19)), present(STOP, "obstacle 0.19 m ahead")),
         (STOP, prediction(wanted=Approach(5.0, 0.19)), present(STOP, "obstacle 0.19 m ahead")),
-        (NONE, meeting(Meeting(stop=True, speed_mps=0.0)), present(STOP, "somebody walks into the way")),
-        (NONE, meeting(Meeting(stop=False, speed_mps=0.0)), CLEAR),
+        (
+            NONE,
+            pedestrian_collision(PedestrianCollision(stop=True, speed_mps=0.0)),
+            present(STOP, "somebody walks into the way"),
+        ),
+        (NONE, pedestrian_collision(PedestrianCollision(stop=False, speed_mps=0.0)), CLEAR),
     ],
 )
 def test_collision_imminent(active_action: SafetyAction, seen: CollisionPrediction, expected: Finding) -> None:
@@ -390,9 +394,13 @@ def near(clearance_m: float, linear_mps: float, angular_radps: float) -> Finding
         (LIMIT, prediction(Approach(3.3, 1.05)), CLEAR),
         (LIMIT, prediction(Approach(3.29, 4.0)), near(4.0, 1.6, 3.2)),
         (LIMIT, prediction(Approach(9.0, 1.04)), near(1.04, 0.41, 0.82)),
-        (NONE, meeting(Meeting(speed_mps=0.4)), present(LIMIT, "somebody comes", SpeedLimit(0.4, pytest.approx(0.8)))),
-        (NONE, meeting(Meeting(speed_mps=0.2), Approach(9.0, 0.75)), near(0.75, 0.2, 0.4)),
-        (NONE, meeting(Meeting(speed_mps=0.4), Approach(9.0, 0.75)), near(0.75, 0.3, 0.6)),
+        (
+            NONE,
+            pedestrian_collision(PedestrianCollision(speed_mps=0.4)),
+            present(LIMIT, "somebody comes", SpeedLimit(0.4, pytest.approx(0.8))),
+        ),
+        (NONE, pedestrian_collision(PedestrianCollision(speed_mps=0.2), Approach(9.0, 0.75)), near(0.75, 0.2, 0.4)),
+        (NONE, pedestrian_collision(PedestrianCollision(speed_mps=0.4), Approach(9.0, 0.75)), near(0.75, 0.3, 0.6)),
     ],
 )
 def test_obstacle_near(active_action: SafetyAction, seen: CollisionPrediction, expected: Finding) -> None:

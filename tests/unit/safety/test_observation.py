@@ -18,8 +18,8 @@ from robot_stack.core.robot import Robot
 from robot_stack.safety.button import Contact
 from robot_stack.safety.conditions import stale_s
 from robot_stack.safety.inputs import DriveReading, Level
-from robot_stack.safety.meeting import Meeting
 from robot_stack.safety.observation import CAMERAS, Observation
+from robot_stack.safety.pedestrian_collision import PedestrianCollision
 from robot_stack.safety.stop_sources import Press
 from tests.unit.safety.story import NOBODY, NOTHING, PARAMS, ROBOT, Story
 
@@ -59,7 +59,7 @@ def too_fast_after_s(found: Observation, *, hard: bool) -> float:
         now_s = 0.01 * tick
         found.joint_states(JOINTS, [0.0] * len(JOINTS), velocity, now_s)
         found.limited(FAST if tick < 10 else SpeedLimit(0.0, 0.0), hard, now_s)
-        if found.snapshot(False, now_s).obedience.level is Level.PRESENT:
+        if found.snapshot(False, now_s).overspeed.level is Level.PRESENT:
             return now_s
     pytest.fail("nobody has noticed")
 
@@ -120,7 +120,7 @@ def test_a_docking_that_says_nothing_any_more_excuses_no_dock() -> None:
 
 
 class MeetingRecorder:
-    """Replaces the meeting watch and records its inputs."""
+    """Replaces the pedestrian_collision watch and records its inputs."""
 
     def __init__(self) -> None:
         self.motions: list[Twist2] = []
@@ -128,21 +128,21 @@ class MeetingRecorder:
 
     def judge(
         self, moving: object, nearest_m: float, body: object, motions: list[Twist2], request: Twist2, now_s: float
-    ) -> Meeting:
+    ) -> PedestrianCollision:
         self.motions, self.request, self.now_s = motions, request, now_s
-        return Meeting(stop=True)
+        return PedestrianCollision(stop=True)
 
 
 def test_who_moves_is_judged_by_what_the_drive_does_and_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
     found, recorder = observation(), MeetingRecorder()
-    monkeypatch.setattr(found, "_meeting", recorder)
+    monkeypatch.setattr(found, "_pedestrian_collision", recorder)
     found.obstacles(NOTHING, 0.0, 1.0)
     found.surroundings.moving_received(NOBODY, 0.0, 1.0)
     request, driven = Twist2(0.5, 0.0, 0.0), Twist2(0.2, 0.0, 0.0)
     found.commands.request("/cmd_vel", request, 1.0)
     prediction = found.snapshot(False, 1.0).prediction
     assert prediction is not None
-    assert prediction.meeting.stop
+    assert prediction.pedestrian_collision.stop
     assert (recorder.motions, recorder.request, recorder.now_s) == ([ZERO_TWIST, request], request, 1.0)
     found.commands.limited(driven, 1.0)
     found.snapshot(False, 1.0)

@@ -12,8 +12,8 @@ import pytest
 from robot_stack.wmx import EngineError
 from robot_stack.wmx.api import ErrorCode
 from robot_stack.wmx.axes import StatusSnapshot, empty_snapshot
+from robot_stack.wmx.device_opener import ThreadedOpener
 from robot_stack.wmx.failures import ABSENT
-from robot_stack.wmx.opening import ThreadedOpener
 from robot_stack.wmx.session import EngineSession, Events, Patience
 from tests.support.waiting import wait_for
 

@@ -11,7 +11,7 @@ from robot_stack.core.limits import MotionLimits
 _LEAD_MPS, _LEAD_RADPS = 0.3, 0.3
 
 
-class Ramp:
+class VelocitySmoother:
     """Jerk limits the build-up of acceleration; its reduction is immediate."""
 
     def __init__(self) -> None:

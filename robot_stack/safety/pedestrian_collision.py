@@ -16,34 +16,34 @@ from numpy.typing import NDArray
 
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.safety.collision import Floats, Outline
-from robot_stack.safety.obstacle_params import MeetingParams
+from robot_stack.safety.obstacle_params import PedestrianCollisionParams
 from robot_stack.safety.timing import age_s
 
 _TINY = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Meeting:
+class PedestrianCollision:
     """stop: the robot must stop for a pedestrian. speed_mps: limit of the footprint's fastest point, or inf."""
 
     stop: bool = False
     speed_mps: float = math.inf
 
 
-NOBODY = Meeting()
+NOBODY = PedestrianCollision()
 
 
-class MeetingWatch:
+class PedestrianCollisionWatch:
     """Call ``judge`` at every tick, steady s. Remembers a person who has just walked up, because the motion of people
     beside the robot is not observed: while an obstacle is beside it, it holds for ``hold_s`` to let them go on."""
 
-    def __init__(self, params: MeetingParams, brake_mps2: float) -> None:
+    def __init__(self, params: PedestrianCollisionParams, brake_mps2: float) -> None:
         self._params, self._brake_mps2 = params, brake_mps2
         self._came_s: float | None = None
 
     def judge(
         self, moving: Floats, nearest_m: float, body: Outline, motions: list[Twist2], request: Twist2, now_s: float
-    ) -> Meeting:
+    ) -> PedestrianCollision:
         """moving: (n, 5) x, y, z, vx, vy in base_link, over ground. nearest_m: of all obstacles, to the footprint.
 
         motions: measured and commanded. request: the requested one.
@@ -54,7 +54,7 @@ class MeetingWatch:
         if self._arrives(moving, body):
             self._came_s = now_s
         held = age_s(now_s, self._came_s) <= p.hold_s and nearest_m <= p.beside_m
-        return Meeting(stop or (held and requests > _TINY), share * requests if share < 1.0 else math.inf)
+        return PedestrianCollision(stop or (held and requests > _TINY), share * requests if share < 1.0 else math.inf)
 
     def _arrives(self, moving: Floats, body: Outline) -> bool:
         """True if a body is about to reach the present footprint, whatever the robot's motion."""

@@ -14,7 +14,7 @@ from robot_stack.ros.executor import LeanExecutor
 _JOIN_S = 5.0
 
 
-class Guest:
+class ToolNode:
     """A node with its own context and executor, without the endpoints that others would discover needlessly.
 
     Apply ``robot_stack.ros.transport`` before making one, and end it with ``close``.

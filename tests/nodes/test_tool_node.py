@@ -8,9 +8,9 @@ import pytest
 from std_msgs.msg import Bool
 
 from robot_stack.contract import topics
-from robot_stack.ros import guest
-from robot_stack.ros.guest import Guest
+from robot_stack.ros import tool_node
 from robot_stack.ros.interfaces import interface_class, qos_profile
+from robot_stack.ros.tool_node import ToolNode
 from tests.support.peer import Peer
 from tests.support.waiting import wait_for
 
@@ -20,14 +20,14 @@ ROW = topics.EMERGENCY_STOP
 def test_what_a_thread_still_uses_is_not_destroyed(
     ros_domain: int, peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(guest, "_JOIN_S", 0.2)
+    monkeypatch.setattr(tool_node, "_JOIN_S", 0.2)
     taken, go_on = threading.Event(), threading.Event()
 
     def hold(_: Bool) -> None:
         taken.set()
         go_on.wait(60.0)
 
-    held = Guest("held_up")
+    held = ToolNode("held_up")
     subscription = held.node.create_subscription(interface_class(ROW.type), ROW.name, hold, qos_profile(ROW.qos))
     held.spin_beside("held_up")
     peer.wait_matched(ROW)
@@ -46,7 +46,7 @@ def test_what_a_thread_still_uses_is_not_destroyed(
 
 def test_a_thread_that_has_only_just_begun_ends_too(ros_domain: int) -> None:
     for _ in range(20):
-        brief = Guest("brief")
+        brief = ToolNode("brief")
         brief.spin_beside("brief")
         brief.close()
         assert not brief.executor.context.ok()

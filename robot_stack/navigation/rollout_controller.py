@@ -40,7 +40,7 @@ class Choice:
     urgent: bool
 
 
-class SamplingController:
+class RolloutController:
     """Its only state is the last choice, which gets a small preference, and the number of the step."""
 
     def __init__(self, params: LocalParams) -> None:

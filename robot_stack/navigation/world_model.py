@@ -25,7 +25,7 @@ _SAME_M = 0.30
 _MOST_REMEMBERED = 20_000
 
 
-class Surroundings:
+class WorldModel:
     """grid: of the site map, None without one. Poses are in map unless noted as odom."""
 
     def __init__(self, params: NavigationParams, grid: Grid | None) -> None:

@@ -2,7 +2,7 @@
 
 A static object appears in a free place only by noise, odometry error or late detection: it appears and stays. So an
 object counts as moving only after it was tracked over a distance, at a speed that exceeds its uncertainty, and has
-left its former place. One ``Movers`` per sensor: two sensors observe different sides of an object.
+left its former place. One ``MovingObjects`` per sensor: two sensors observe different sides of an object.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.core.geometry import Pose2
-from robot_stack.perception.params import MoverParams
+from robot_stack.perception.params import MovingObjectParams
 
 Floats = NDArray[np.float64]
 _SHOWN = 24  # points published per object
@@ -115,10 +115,10 @@ class Track:
         self.before.clear()
 
 
-class Movers:
+class MovingObjects:
     """Call with new returns (``Space.come``) of every view of one sensor. Stamps in s, one clock, odom."""
 
-    def __init__(self, params: MoverParams) -> None:
+    def __init__(self, params: MovingObjectParams) -> None:
         self._params = params
         self._tracks: list[Track] = []
 

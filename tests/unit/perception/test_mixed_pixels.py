@@ -11,7 +11,7 @@ from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from robot_stack.core.point_cloud import SWEEP
 from robot_stack.core.robot import Robot, load_robot
 from robot_stack.core.robot_shape import load_robot_shape, planar
-from robot_stack.perception.mixed import ChairEdges
+from robot_stack.perception.mixed_pixels import ChairEdges
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
 from sim.camera.motion import still
@@ -76,7 +76,7 @@ def test_what_stands_beside_the_chairs_edge_is_an_obstacle(who: Post, x_m: float
 
 
 def test_few_points_beside_the_chair_are_no_thing_and_many_are(params: PerceptionParams) -> None:
-    few = params.mixed
+    few = params.mixed_pixels
     box = np.array([0.45, 1.45, -0.45, 0.45, -0.3, 1.6], np.float32)
     chair = np.zeros(3, SWEEP)
     chair["x"], chair["y"], chair["z"] = [0.8, 0.8, np.nan], [0.3, 0.31, 0.0], [0.1, 0.1, 0.1]

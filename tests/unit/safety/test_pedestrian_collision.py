@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 from robot_stack.contract.model import SafetyAction, SafetyState
 from robot_stack.core.geometry import ZERO_TWIST, Twist2, exp_se2
 from robot_stack.safety.collision import Outline
-from robot_stack.safety.meeting import Meeting, MeetingWatch, _along, _gaps
+from robot_stack.safety.pedestrian_collision import PedestrianCollision, PedestrianCollisionWatch, _along, _gaps
 from tests.unit.safety.story import PARAMS, Story
 
-P = PARAMS.meeting
+P = PARAMS.pedestrian_collision
 BODY = Outline(0.5, -0.5, 0.35)
 BRAKE_MPS2 = 2.0
 AHEAD, SLOW, BACK, TURN = Twist2(1.0, 0.0, 0.0), Twist2(0.3, 0.0, 0.0), Twist2(-0.5, 0.0, 0.0), Twist2(0.0, 0.0, 1.0)
@@ -32,15 +32,15 @@ NONE = np.empty((0, 5))
 
 def judge(
     moving: NDArray[np.float64], request: Twist2 = AHEAD, does: Twist2 | None = None, nearest_m: float = 9.0
-) -> Meeting:
+) -> PedestrianCollision:
     """Judges a robot that moves as requested, or with ``does`` if given."""
-    watch = MeetingWatch(P, BRAKE_MPS2)
+    watch = PedestrianCollisionWatch(P, BRAKE_MPS2)
     return watch.judge(moving, nearest_m, BODY, [request if does is None else does], request, 10.0)
 
 
 def test_nobody_and_a_robot_that_is_asked_nothing() -> None:
-    assert judge(NONE) == Meeting()
-    assert judge(who(0.6, 0.0, -1.0, 0.0), ZERO_TWIST) == Meeting()
+    assert judge(NONE) == PedestrianCollision()
+    assert judge(who(0.6, 0.0, -1.0, 0.0), ZERO_TWIST) == PedestrianCollision()
 
 
 def test_who_comes_from_the_side_into_the_place_where_the_robot_will_be() -> None:
@@ -68,18 +68,18 @@ def test_who_stands_or_goes_past_or_away_is_nobody() -> None:
         who(0.8, 0.0, 1.2, 0.0),  # walks ahead
         who(0.0, 0.6, 0.0, 1.0),  # leaves
     ):
-        assert judge(moving, SLOW) == Meeting()
+        assert judge(moving, SLOW) == PedestrianCollision()
 
 
 def test_who_walks_behind_as_fast_is_not_braked_before() -> None:
-    assert judge(who(-0.9, 0.0, 1.0, 0.0)) == Meeting()
+    assert judge(who(-0.9, 0.0, 1.0, 0.0)) == PedestrianCollision()
     assert judge(who(-1.0, 0.0, 1.8, 0.0)).stop  # runs into the robot
 
 
 def test_who_runs_into_a_robot_that_backs_off_or_turns() -> None:
     assert judge(who(1.0, 0.0, -1.5, 0.0), BACK).stop
     assert judge(who(0.0, 1.0, 0.0, -1.0), TURN).stop
-    assert judge(who(0.0, 2.5, 0.0, 1.0), TURN) == Meeting()
+    assert judge(who(0.0, 2.5, 0.0, 1.0), TURN) == PedestrianCollision()
 
 
 def test_what_the_robot_does_counts_beside_what_it_is_asked() -> None:
@@ -96,7 +96,7 @@ def test_a_limit_is_of_the_footprints_fastest_place() -> None:
 
 
 def test_who_has_come_is_given_time_to_go_on_as_long_as_something_is_beside_the_robot() -> None:
-    watch = MeetingWatch(P, BRAKE_MPS2)
+    watch = PedestrianCollisionWatch(P, BRAKE_MPS2)
 
     def stop(moving: NDArray[np.float64], nearest_m: float, now_s: float) -> bool:
         return watch.judge(moving, nearest_m, BODY, [SLOW], SLOW, now_s).stop
@@ -108,13 +108,13 @@ def test_who_has_come_is_given_time_to_go_on_as_long_as_something_is_beside_the_
 
 
 def test_who_was_never_near_is_not_waited_for() -> None:
-    watch = MeetingWatch(P, BRAKE_MPS2)
+    watch = PedestrianCollisionWatch(P, BRAKE_MPS2)
     assert watch.judge(who(2.4, 0.0, -2.0, 0.0), 9.0, BODY, [AHEAD], AHEAD, 10.0).stop
     assert not watch.judge(NONE, 0.2, BODY, [AHEAD], AHEAD, 10.1).stop
 
 
 def test_exactly_the_time_to_go_on_is_still_waited() -> None:
-    watch = MeetingWatch(P.model_copy(update={"hold_s": 4.0}), BRAKE_MPS2)
+    watch = PedestrianCollisionWatch(P.model_copy(update={"hold_s": 4.0}), BRAKE_MPS2)
     assert watch.judge(who(0.0, 0.8, 0.0, -1.0), 0.45, BODY, [SLOW], SLOW, 10.0).stop
     assert watch.judge(NONE, 0.45, BODY, [SLOW], SLOW, 14.0).stop
     assert not watch.judge(NONE, 0.45, BODY, [], Twist2(1e-9, 0.0, 0.0), 14.0).stop  # no motion requested
@@ -123,7 +123,7 @@ def test_exactly_the_time_to_go_on_is_still_waited() -> None:
 @pytest.mark.parametrize(("nearer_m", "comes"), [(0.01, True), (-0.01, False)])
 def test_who_will_be_there_soon_has_walked_up(nearer_m: float, comes: bool) -> None:
     """Within ahead_s, including the drift margin."""
-    watch = MeetingWatch(P, BRAKE_MPS2)
+    watch = PedestrianCollisionWatch(P, BRAKE_MPS2)
     away_m = P.margin_m + (0.8 + P.drift_mps) * P.ahead_s - nearer_m
     watch.judge(who(0.0, 0.35 + away_m, 0.0, -0.8), 9.0, BODY, [], ZERO_TWIST, 10.0)
     assert watch.judge(NONE, 0.5, BODY, [SLOW], SLOW, 10.1).stop is comes
@@ -142,7 +142,7 @@ def driven_m(speed_mps: float, brakes_s: float, seconds: NDArray[np.float64]) ->
 @pytest.mark.parametrize("full_mps", [1.5, 1.0, 0.4])
 def test_a_robot_that_brakes_gets_as_far_as_its_brakes_let_it(full_mps: float, brakes_s: float, share: float) -> None:
     """A person stands or walks ahead, 1 cm nearer or farther than the braking distance."""
-    watch, twist, speed_mps = MeetingWatch(P, BRAKE_MPS2), Twist2(full_mps, 0.0, 0.0), share * full_mps
+    watch, twist, speed_mps = PedestrianCollisionWatch(P, BRAKE_MPS2), Twist2(full_mps, 0.0, 0.0), share * full_mps
     times = np.arange(0.0, brakes_s + speed_mps / BRAKE_MPS2 + P.step_s, P.step_s)
     for walks_mps in (0.0, 0.1, 0.3):
         needs_m = driven_m(speed_mps, brakes_s, times) - walks_mps * times + P.margin_m + P.drift_mps * times
@@ -152,14 +152,14 @@ def test_a_robot_that_brakes_gets_as_far_as_its_brakes_let_it(full_mps: float, b
 
 
 def test_a_margin_counts_as_touched() -> None:
-    watch = MeetingWatch(P.model_copy(update={"margin_m": 0.125, "drift_mps": 0.0}), BRAKE_MPS2)
+    watch = PedestrianCollisionWatch(P.model_copy(update={"margin_m": 0.125, "drift_mps": 0.0}), BRAKE_MPS2)
     assert watch._arrives(who(0.0, 0.625, 0.0, 0.0), Outline(0.5, -0.5, 0.5))
     assert watch._touches(who(0.0, 0.625, 0.0, 0.0), Outline(0.5, -0.5, 0.5), SLOW, 1.0, 0.0)
     assert not watch._touches(who(0.0, 0.626, 0.0, 0.0), Outline(0.5, -0.5, 0.5), SLOW, 1.0, 0.0)
 
 
 def test_a_twist_of_rounding_touches_nobody() -> None:
-    assert judge(who(0.5, 0.0, 0.0, 0.0), Twist2(1e-9, 0.0, 0.0)) == Meeting()
+    assert judge(who(0.5, 0.0, 0.0, 0.0), Twist2(1e-9, 0.0, 0.0)) == PedestrianCollision()
 
 
 def test_the_limit_is_the_greatest_speed_from_which_a_stop_need_not_be_now() -> None:
@@ -171,7 +171,7 @@ def test_the_limit_is_the_greatest_speed_from_which_a_stop_need_not_be_now() -> 
             continue
         steps = round(limit.speed_mps / AHEAD.vx * P.shares)
         found.add(steps)
-        watch = MeetingWatch(P, BRAKE_MPS2)
+        watch = PedestrianCollisionWatch(P, BRAKE_MPS2)
         for faster in range(steps + 1, P.shares + 1):
             assert watch._touches(moving, BODY, AHEAD, faster / P.shares, P.reaction_s + P.ahead_s)
             assert watch._touches(moving, BODY, AHEAD, faster / P.shares, None)

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
 from robot_stack.perception.space.kernels import FREE, OCCUPIED
-from robot_stack.perception.space.movers import Movers
+from robot_stack.perception.space.moving_objects import MovingObjects
 from tests.unit.space.test_space import HIGH, LOW, PARAMS, SEEN, Scanner
 from tests.unit.space.yard import ADULT, CHILD, Block, Post, Yard, near, state_at
 
-P = PARAMS.movers
+P = PARAMS.moving_objects
 LOOK_S = 0.1
 
 
@@ -33,7 +33,7 @@ def blind(x_m: float, y_m: float, top_m: float) -> bool:
     return False
 
 
-def follow(movers: Movers, seconds: float, speed_mps: float, at_s: float = 10.0, noise: bool = True) -> float:
+def follow(movers: MovingObjects, seconds: float, speed_mps: float, at_s: float = 10.0, noise: bool = True) -> float:
     """Feeds a body that walks from x = 4 m towards the robot. Returns the time of the last look."""
     random = np.random.default_rng(1) if noise else None
     for number in range(round(seconds / LOOK_S) + 1):
@@ -43,7 +43,7 @@ def follow(movers: Movers, seconds: float, speed_mps: float, at_s: float = 10.0,
 
 @pytest.mark.parametrize("speed_mps", [0.3, 0.6, 1.2, 2.0])
 def test_who_walks_has_their_velocity(speed_mps: float) -> None:
-    movers = Movers(P)
+    movers = MovingObjects(P)
     now_s = follow(movers, 1.5, speed_mps)
     found = movers.at(now_s, IDENTITY)
     assert len(found) == 12
@@ -56,14 +56,14 @@ def test_who_walks_has_their_velocity(speed_mps: float) -> None:
 
 
 def test_what_appears_and_stays_does_not_move() -> None:
-    movers, random = Movers(P), np.random.default_rng(2)
+    movers, random = MovingObjects(P), np.random.default_rng(2)
     for number in range(100):
         movers.look(np.concatenate([body(3.0, y, random) for y in (-2.0, 0.0, 2.0)]), 10.0 + number * LOOK_S, blind)
         assert len(movers.at(10.0 + number * LOOK_S, IDENTITY)) == 0
 
 
 def test_specks_and_walls_are_no_bodies() -> None:
-    movers = Movers(P)
+    movers = MovingObjects(P)
     for number in range(20):
         x = 4.0 - 0.1 * number
         wall = np.stack([np.full(40, x), np.linspace(-1.5, 1.5, 40), np.ones(40), np.ones(40), np.ones(40)], axis=1)
@@ -72,7 +72,7 @@ def test_specks_and_walls_are_no_bodies() -> None:
 
 
 def test_who_disappears_goes_on_for_a_moment_and_is_told_where_they_were() -> None:
-    movers = Movers(P)
+    movers = MovingObjects(P)
     now_s = follow(movers, 1.5, 1.0, noise=False)
     gone = np.empty((0, 5))
     assert movers.look(gone, now_s + 0.4, blind) == []
@@ -88,7 +88,7 @@ def test_who_disappears_goes_on_for_a_moment_and_is_told_where_they_were() -> No
 
 
 def test_who_is_not_where_one_would_see_them_has_stopped() -> None:
-    movers = Movers(P)
+    movers = MovingObjects(P)
     now_s = follow(movers, 1.5, 1.0)
     gone = np.empty((0, 5))
     assert movers.look(gone, now_s + P.missed_s - 0.01, lambda x, y, top: True) == []
@@ -98,7 +98,7 @@ def test_who_is_not_where_one_would_see_them_has_stopped() -> None:
 
 
 def test_who_would_come_out_again_and_does_not_is_where_nobody_looks() -> None:
-    movers = Movers(P)
+    movers = MovingObjects(P)
     now_s, gone = follow(movers, 1.5, 1.0), np.empty((0, 5))
     for after_s in (0.3, 0.6):
         assert movers.look(gone, now_s + after_s, lambda x, y, top: x < 1.6) == []
@@ -109,7 +109,7 @@ def test_who_would_come_out_again_and_does_not_is_where_nobody_looks() -> None:
 
 def test_who_gets_hidden_keeps_their_velocity() -> None:
     """The centre of the visible part differs from that of the whole body."""
-    movers = Movers(P)
+    movers = MovingObjects(P)
     now_s = follow(movers, 1.5, 1.0, noise=False)
     for number in range(1, 5):
         movers.look(body(2.5 - 0.1 * number, 0.5)[8:], now_s + number * LOOK_S, blind)
@@ -124,7 +124,7 @@ def cart(rear: float, front: float) -> NDArray[np.float64]:
 
 def test_a_cart_whose_front_gets_hidden_goes_on_as_fast_as_its_rear() -> None:
     """The cart is 0.8 m long at 1 m/s. Beyond the edge of a strip, rays pass only above it."""
-    movers, edge_m = Movers(P), 2.8
+    movers, edge_m = MovingObjects(P), 2.8
 
     def above(x_m: float, y_m: float, top_m: float) -> bool:
         return top_m > 0.3 or x_m > edge_m
@@ -141,7 +141,7 @@ def test_a_cart_whose_front_gets_hidden_goes_on_as_fast_as_its_rear() -> None:
 
 def test_a_cart_whose_rear_is_taken_for_what_stands_goes_on_by_its_front() -> None:
     """Points in place for 1 s count as static: the visible length of a cart varies, and a piece is separate."""
-    movers = Movers(P)
+    movers = MovingObjects(P)
     for number in range(24):
         front = 5.0 - 0.08 * number
         shown = [cart(front + (0.36 if number % 5 < 3 else 0.6), front)]
@@ -156,7 +156,7 @@ def test_a_cart_whose_rear_is_taken_for_what_stands_goes_on_by_its_front() -> No
 
 def test_a_slow_cart_keeps_its_speed_while_more_and_more_of_it_is_seen() -> None:
     """At 0.48 m/s the front approaches while the visible part grows at the rear, so its centre lags behind."""
-    movers = Movers(P)
+    movers = MovingObjects(P)
     for number in range(24):
         front = 4.0 - 0.048 * number
         length = 0.3 + max(0.0, 0.06 * min(number - 12, 6))
@@ -169,7 +169,7 @@ def test_a_slow_cart_keeps_its_speed_while_more_and_more_of_it_is_seen() -> None
 
 def test_a_long_body_moves_on_while_it_leaves_what_its_way_explains() -> None:
     """At 1 m long and 0.6 m/s, it still covers two thirds of where it was 0.6 s ago."""
-    movers = Movers(P)
+    movers = MovingObjects(P)
     for number in range(20):  # the front appears first
         rear = 5.0 if number < 8 else 4.4 - 0.06 * (number - 8)
         movers.look(cart(rear, 4.4 - 0.06 * number - 0.1), 10.0 + number * LOOK_S, lambda x, y, top: True)
@@ -178,7 +178,7 @@ def test_a_long_body_moves_on_while_it_leaves_what_its_way_explains() -> None:
 
 def test_what_is_found_where_nobody_had_looked_is_no_new_body_and_may_be_an_old_one() -> None:
     found = np.array([1.0, 1.0, 1.0, 0.0, 1.0])
-    movers = Movers(P)
+    movers = MovingObjects(P)
     for number in range(15):
         movers.look(body(4.0 - 0.1 * number, 0.5) * found, 10.0 + number * LOOK_S, blind)
     assert len(movers.at(11.4, IDENTITY)) == 0
@@ -189,7 +189,7 @@ def test_what_is_found_where_nobody_had_looked_is_no_new_body_and_may_be_an_old_
 
 
 def test_a_walls_end_that_comes_into_view_bit_by_bit_stays() -> None:
-    movers, random = Movers(P), np.random.default_rng(3)
+    movers, random = MovingObjects(P), np.random.default_rng(3)
     for number in range(2, 14):
         along = np.arange(0.0, 0.1 * number, 0.05)
         end = np.stack([np.full_like(along, 2.0), 1.0 + along, *np.ones((3, len(along)))], axis=1)
@@ -200,7 +200,7 @@ def test_a_walls_end_that_comes_into_view_bit_by_bit_stays() -> None:
 
 def test_two_who_meet_go_on_as_they_did() -> None:
     """They walk one behind the other, 0.5 m apart sideways, until both merge into one body with another centre."""
-    movers = Movers(P)
+    movers = MovingObjects(P)
     for number in range(30):
         x = 4.0 - 0.1 * number
         behind = body(x + 0.1, 0.9 if number < 15 else 0.7)
@@ -212,7 +212,7 @@ def test_two_who_meet_go_on_as_they_did() -> None:
 
 
 def test_faster_than_anybody_is_nobody() -> None:
-    movers = Movers(P)
+    movers = MovingObjects(P)
     now_s = follow(movers, 0.6, P.fastest_mps + 0.6, noise=False)
     assert len(movers.at(now_s, IDENTITY)) == 0
 

@@ -10,9 +10,9 @@ import pytest
 from robot_stack.contract import frames
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST
 from robot_stack.core.robot import Robot
-from robot_stack.perception.airborne import Crowd, crowd_of
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
+from robot_stack.perception.weather_filter import Crowd, crowd_of
 from sim.bench.weather_scenes import Bystander, Shower, shower, with_bystander
 from sim.lidar.sensor import Conditions
 

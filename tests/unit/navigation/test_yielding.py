@@ -9,9 +9,9 @@ import pytest
 
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.site_map import OCCUPIED, Grid
-from robot_stack.navigation.giving_way import nearest_m, way_out
 from robot_stack.navigation.local_map import LocalMap
 from robot_stack.navigation.local_map import local_map as made_of
+from robot_stack.navigation.yielding import nearest_m, way_out
 from tests.unit.navigation.plant import ROBOT, params
 from tests.unit.navigation.test_among_obstacles import Array, Story, corridor, reached
 

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import Footprint
-from robot_stack.navigation.params import CapParams, PeopleParams
+from robot_stack.navigation.params import PeopleParams, SpeedLimitParams
 from robot_stack.navigation.people import Person
 
 Array = npt.NDArray[np.float64]
@@ -17,21 +17,21 @@ _TIME_STEP_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Caps:
+class SpeedLimits:
     """speed_mps: (n,) along the route. yields: the robot yields to a crossing pedestrian."""
 
     speed_mps: Array
     yields: bool
 
 
-def narrow_speed(clearance_m: Array, cruise_mps: float, params: CapParams) -> Array:
+def narrow_speed(clearance_m: Array, cruise_mps: float, params: SpeedLimitParams) -> Array:
     """(n,) the speed that a clearance allows: slow_speed_mps up to slow_clearance_m, cruise from free_clearance_m."""
     slow = min(params.slow_speed_mps, cruise_mps)
     speeds: Array = np.interp(clearance_m, (params.slow_clearance_m, params.free_clearance_m), (slow, cruise_mps))
     return speeds
 
 
-def caps(
+def speed_limits(
     route: Array,
     clearance_m: Array,
     people: tuple[Person, ...],
@@ -39,9 +39,9 @@ def caps(
     speed_mps: float,
     limits: MotionLimits,
     footprint: Footprint,
-    params: CapParams,
+    params: SpeedLimitParams,
     person: PeopleParams,
-) -> Caps:
+) -> SpeedLimits:
     """route: (n, 4) x, y, yaw, along from the robot on, evenly spaced. speed_mps: of the robot now."""
     speeds = narrow_speed(clearance_m, limits.speed_mps, params)
     half_m = 0.5 * footprint.width_m
@@ -55,7 +55,7 @@ def caps(
     )
     if np.isfinite(stop_m):
         speeds = np.where(route[:, 3] >= stop_m, 0.0, speeds)
-    return Caps(
+    return SpeedLimits(
         _braking(speeds, route[:, 3], params.braking_share * limits.acceleration_mps2), bool(np.isfinite(stop_m))
     )
 

@@ -18,7 +18,7 @@ _PERIOD_S = 0.95 / topics.DEPARTURE_WARNING.nominal_rate_hz
 _SECOND_NS = 1_000_000_000
 
 
-class DepartureWarnings:
+class MotionWarnings:
     """given: called when another node has completed its warning."""
 
     def __init__(self, node: StackNode, given: Callable[[], None]) -> None:

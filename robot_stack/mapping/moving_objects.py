@@ -8,7 +8,7 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from robot_stack.mapping.params import Movers as Settings
+from robot_stack.mapping.params import MovingObjectParams as Settings
 from robot_stack.mapping.poses import Floats, transform
 
 

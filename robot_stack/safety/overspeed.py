@@ -12,7 +12,7 @@ from robot_stack.core.geometry import Twist2
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.robot import Motion
 from robot_stack.safety.inputs import CLEAR, Finding, Level
-from robot_stack.safety.params import ObedienceParams
+from robot_stack.safety.params import OverspeedParams
 from robot_stack.safety.timing import Hold, age_s
 
 
@@ -35,10 +35,10 @@ class PermittedSpeed:
         return self.permitted
 
 
-class ObedienceWatch:
+class OverspeedWatch:
     """Tracks the published limits and the measured twist."""
 
-    def __init__(self, params: ObedienceParams, own: SpeedLimit, brake_mps2: float) -> None:
+    def __init__(self, params: OverspeedParams, own: SpeedLimit, brake_mps2: float) -> None:
         """own: the robot's own limits, permitted before any other. brake_mps2: emergency deceleration."""
         self._params, self._brake_mps2 = params, brake_mps2
         self._linear, self._angular = PermittedSpeed(own.linear_mps), PermittedSpeed(own.angular_radps)

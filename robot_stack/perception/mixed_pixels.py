@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from robot_stack.core.point_cloud import Points
 from robot_stack.perception.crop import readable
-from robot_stack.perception.params import MixedParams
+from robot_stack.perception.params import MixedPixelParams
 from robot_stack.perception.polar import HALF_PI, PI, angle_of
 from robot_stack.perception.space.view import View
 
@@ -54,7 +54,7 @@ class ChairEdges:
         hits, floor = view.hits[~self.beside(view.hits)], view.floor[~self.beside(view.floor[:, :3])]
         return replace(view, hits=hits, floor=floor)
 
-    def believed(self, xyz: Float, params: MixedParams, points_min: int) -> Float:
+    def believed(self, xyz: Float, params: MixedPixelParams, points_min: int) -> Float:
         """(k, 3) of obstacle points (n, 3): without those beside the chair that are too few to be an object."""
         kept = ~self.beside(xyz)
         reach_m = np.float32(self._box[1] + params.beyond_m)

@@ -5,23 +5,23 @@ from __future__ import annotations
 import pytest
 
 from robot_stack.docking.states import State
-from robot_stack.docking.vision.demand import DetectionDemand
+from robot_stack.docking.vision.detection_gate import DetectionGate
 
 LINGER_S = 4.0
 
 
 @pytest.mark.parametrize("state", [State.APPROACH, State.SEARCH, State.SERVOING, State.FINE_ALIGN])
 def test_markers_are_wanted_while_docking_is_on_its_way(state: State) -> None:
-    assert DetectionDemand(LINGER_S).wanted(state.value, 10.0)
+    assert DetectionGate(LINGER_S).wanted(state.value, 10.0)
 
 
 @pytest.mark.parametrize("state", ["", State.IDLE.value, State.DOCKED.value, State.FAILED.value, "?"])
 def test_markers_are_not_wanted_otherwise(state: str) -> None:
-    assert not DetectionDemand(LINGER_S).wanted(state, 10.0)
+    assert not DetectionGate(LINGER_S).wanted(state, 10.0)
 
 
 def test_markers_are_wanted_for_a_while_after_the_dock_was_reached() -> None:
-    demand = DetectionDemand(LINGER_S)
+    demand = DetectionGate(LINGER_S)
     demand.wanted(State.FINE_ALIGN.value, 10.0)
     assert demand.wanted(State.DOCKED.value, 14.0)
     assert not demand.wanted(State.DOCKED.value, 14.01)

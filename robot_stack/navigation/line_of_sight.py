@@ -9,10 +9,10 @@ import numpy.typing as npt
 
 from robot_stack.core.geometry import wrap_angle
 from robot_stack.core.robot import Footprint
-from robot_stack.navigation.caps import narrow_speed
 from robot_stack.navigation.motion import Trajectory
 from robot_stack.navigation.params import NavigationParams
-from robot_stack.navigation.surroundings import Surroundings
+from robot_stack.navigation.speed_limits import narrow_speed
+from robot_stack.navigation.world_model import WorldModel
 
 Array = npt.NDArray[np.float64]
 _SPACING_M, _MOST_SAMPLES = 0.1, 300
@@ -25,7 +25,7 @@ _OCCUPIED_M = 0.05
 def is_direct(
     trajectory: Trajectory,
     from_s: float,
-    around: Surroundings,
+    around: WorldModel,
     footprint: Footprint,
     params: NavigationParams,
     now_s: float,
@@ -60,7 +60,7 @@ def is_direct(
 def allowed_speed(
     trajectory: Trajectory,
     from_s: float,
-    around: Surroundings,
+    around: WorldModel,
     footprint: Footprint,
     params: NavigationParams,
     cruise_mps: float,
@@ -70,7 +70,7 @@ def allowed_speed(
         return math.inf
     poses = sampled(trajectory, from_s, min(from_s + _LOOK_S, trajectory.duration_s))
     clear = np.array([around.clearance_m(footprint, poses).min()])
-    speed = float(narrow_speed(clear, cruise_mps, params.caps)[0])
+    speed = float(narrow_speed(clear, cruise_mps, params.speed_limits)[0])
     return (
         math.inf if speed >= cruise_mps else max(_SPEED_STEP_MPS, _SPEED_STEP_MPS * math.floor(speed / _SPEED_STEP_MPS))
     )

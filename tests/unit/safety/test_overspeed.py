@@ -8,11 +8,11 @@ from robot_stack.contract.model import SafetyAction
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.safety.inputs import CLEAR, Level
-from robot_stack.safety.obedience import ObedienceWatch, PermittedSpeed
-from robot_stack.safety.params import ObedienceParams
+from robot_stack.safety.overspeed import OverspeedWatch, PermittedSpeed
+from robot_stack.safety.params import OverspeedParams
 from tests.unit.safety.story import ROBOT
 
-P = ObedienceParams(hold_s=0.25, margin_mps=0.1, margin_radps=0.2, notice_s=0.25, deceleration_share=0.5)
+P = OverspeedParams(hold_s=0.25, margin_mps=0.1, margin_radps=0.2, notice_s=0.25, deceleration_share=0.5)
 OWN = SpeedLimit(1.5, 1.0)
 TICK_S = 0.0625
 
@@ -29,7 +29,7 @@ def test_permitted_falls_after_the_notice_and_rises_at_once() -> None:
 
 class Rig:
     def __init__(self) -> None:
-        self.watch = ObedienceWatch(P, OWN, brake_mps2=2.0)
+        self.watch = OverspeedWatch(P, OWN, brake_mps2=2.0)
         self.now_s = 0.0
 
     def seconds_until_fault(

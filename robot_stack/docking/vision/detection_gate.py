@@ -9,7 +9,7 @@ from robot_stack.docking.states import State
 _SEARCHING = (State.APPROACH.value, State.SEARCH.value, State.SERVOING.value, State.FINE_ALIGN.value)
 
 
-class DetectionDemand:
+class DetectionGate:
     """linger_s: markers are still detected for this long after docking has reached DOCKED."""
 
     def __init__(self, linger_s: float) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 
-class Stop:
+class CancelFlag:
     """flag: (1,) bool, the argument of the compiled loops."""
 
     def __init__(self) -> None:
