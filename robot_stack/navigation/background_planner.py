@@ -41,7 +41,7 @@ class BackgroundPlanner:
         self._worker.close(timeout_s)
 
     def _solve(self, question: RouteRequest, stop: CancelFlag) -> RouteResult:
-        if stop.wanted:
+        if stop.is_set:
             return RouteResult(None, "cancelled")
         try:
             return self._solver.solve(question, stop)

@@ -15,5 +15,5 @@ class CancelFlag:
         self.flag[0] = True
 
     @property
-    def wanted(self) -> bool:
+    def is_set(self) -> bool:
         return bool(self.flag[0])

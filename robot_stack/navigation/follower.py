@@ -59,7 +59,7 @@ class RouteFollower:
         self._around = surroundings
         self._routes = routes
         self._sampling = RolloutController(params.local)
-        self._ramp = VelocitySmoother()
+        self._smoother = VelocitySmoother()
         self.route: Path | None = None
         self._goal: Pose2 | None = None
         self._problem = ""
@@ -84,7 +84,7 @@ class RouteFollower:
             self._without_way_s, self._progress_at, self._gave_way = 0.0, None, 0
         self._goal = goal
         self._sampling.reset()
-        self._ramp.reset(twist)
+        self._smoother.reset(twist)
         self._stuck_s = self._giving_s = 0.0
         self.route, self._problem, self._blocked_at, self._blocked_looks = None, "", None, 0
         self._ask(located, footprint)
@@ -136,15 +136,15 @@ class RouteFollower:
         at = around.to_odom(ahead)
         metres = np.arange(len(ahead)) * _SPACING_M
         local = self._local()
-        speed = self._ramp.twist.speed()
+        speed = self._smoother.twist.speed()
         people = around.people if around.seeing else ()
         along = np.column_stack((at, metres))
         cap = speed_limits(along, clear, people, now_s, speed, limits, footprint, p.speed_limits, p.people)
-        start = self._ramp.start(located.twist)
+        start = self._smoother.start(located.twist)
         table = _table(people, now_s, p.people)
         aside = self._give_way(located, footprint, now_s, dt_s)
         if aside is not None:
-            return Step(self._ramp.towards(aside, start, limits, dt_s), _ASIDE)
+            return Step(self._smoother.towards(aside, start, limits, dt_s), _ASIDE)
         choice = self._sampling.step(
             located.pose.relative_to(around.map_to_odom),
             start,
@@ -154,7 +154,7 @@ class RouteFollower:
             local,
             table,
         )
-        twist = self._ramp.towards(choice.twist, start, planning.braking if choice.urgent else limits, dt_s)
+        twist = self._smoother.towards(choice.twist, start, planning.braking if choice.urgent else limits, dt_s)
         slow = twist.speed() < p.follow.stuck_mps and abs(twist.omega) < 2.0 * p.follow.stuck_mps
         self._stuck_s = self._stuck_s + dt_s if slow else 0.0
         if cap.yields and speed < 0.2:
@@ -251,16 +251,16 @@ class RouteFollower:
     def _wait(self, located: Located, limits: PlanningLimits, footprint: Footprint, now_s: float, dt_s: float) -> Step:
         if self._asked and not self._problem:
             # The way ahead may not be clear any more: brake as hard as allowed.
-            return Step(self._ramp.towards(ZERO_TWIST, self._ramp.twist, limits.braking, dt_s), _PLANNING)
+            return Step(self._smoother.towards(ZERO_TWIST, self._smoother.twist, limits.braking, dt_s), _PLANNING)
         self._stuck_s += dt_s
         aside = self._give_way(located, footprint, now_s, dt_s)
         if aside is not None:
-            return Step(self._ramp.towards(aside, self._ramp.twist, limits.cruise, dt_s), _ASIDE)
+            return Step(self._smoother.towards(aside, self._smoother.twist, limits.cruise, dt_s), _ASIDE)
         self._without_way_s += dt_s
         text = f"the only way is blocked{self._where()}"
         if self._without_way_s >= self._params.follow.give_up_s:
             return self._give_up(text, located)
-        return Step(self._ramp.towards(ZERO_TWIST, self._ramp.twist, limits.cruise, dt_s), f"waiting: {text}")
+        return Step(self._smoother.towards(ZERO_TWIST, self._smoother.twist, limits.cruise, dt_s), f"waiting: {text}")
 
     def _refuse(self) -> Step:
         text = self._problem

@@ -83,7 +83,7 @@ class GlobalPlanner:
         closed: list[tuple[float, float]] = []
         problem = ""
         for _ in range(self._params.tries):
-            if self._stop.wanted:
+            if self._stop.is_set:
                 return NoWay("not wanted any more")
             points = self._points(start, goal, footprint, closed)
             if points is None:

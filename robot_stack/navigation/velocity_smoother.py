@@ -1,4 +1,4 @@
-"""Ramps commands under acceleration and jerk limits."""
+"""Smooths commands by acceleration and jerk limits."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ class ArucoDetectorNode(StackNode):
         self._attention = Attention(tuple(_CAMERAS), self.params.idle_camera_every)
         self._intrinsics: dict[str, Intrinsics] = {}
         self._complaints: dict[str, str] = {}
-        self._demand = DetectionGate(self.params.linger_s)
+        self._gate = DetectionGate(self.params.linger_s)
         self._on = False
         self._published_s = self.steady_s()
         self._images: dict[str, Input] = {}
@@ -81,7 +81,7 @@ class ArucoDetectorNode(StackNode):
 
     def _switch(self) -> None:
         state = self._status.latest.state if self._status.fresh() else ""
-        on = self.params.always_on or self._demand.wanted(state, self.steady_s())
+        on = self.params.always_on or self._gate.wanted(state, self.steady_s())
         if on and not self._on:
             self._detector.reset()
             self._attention.reset()

@@ -235,7 +235,7 @@ def test_the_end_stops_a_search_and_the_worker(big: RouteSolver, worker: Stepped
     ended = BackgroundPlanner(cast("RouteSolver", Solver()), worker)
     ended.ask(BIG)
     worker.start()
-    assert asked[0].wanted
+    assert asked[0].is_set
     assert not ended.busy()
     assert worker.closed
 
