@@ -42,14 +42,19 @@ class OwnMissions:
         if mission.id == was:
             _write(self.path(was), mission, replace=True)
             return
-        if (self._shipped / f"{mission.id}.yaml").exists():
-            raise MissionTaken(mission.id)
+        self.require_free(mission.id, was)
         try:
             _write(self.path(mission.id), mission, replace=False)
         except FileExistsError:
             raise MissionTaken(mission.id) from None
         if was:
             self.path(was).unlink()
+
+    def require_free(self, mission_id: str, was: str = "") -> None:
+        """Raises MissionTaken if a mission other than ``was`` has this id."""
+        names = (self._shipped / f"{mission_id}.yaml", self.path(mission_id))
+        if mission_id != was and any(path.exists() for path in names):
+            raise MissionTaken(mission_id)
 
     def delete(self, mission_id: str, revision: str) -> None:
         """Raises MissionChanged."""

@@ -156,10 +156,11 @@ class CallStaff(Message):
 
 
 class CheckMission(Message):
-    """Requests the errors of a mission, by the mission manager's rules for its file."""
+    """Requests the errors of a mission that would replace ``was``, by the mission manager's rules for its file."""
 
     t: Literal["mission_check"]
     mission: dict[str, JsonValue]
+    was: MissionId | Literal[""] = ""
 
 
 class SaveMission(Message):

@@ -320,6 +320,8 @@ def test_a_mission_is_judged_before_it_is_kept(staff: WebPage, tmp_path: Path) -
     assert problems(waypoints=[stop | {"action": {"wait": -1}}]).keys() == {"waypoints.0.action.wait_s"}
     assert "no dock" in problems(waypoints=[stop | {"action": {"dock": "chair_9"}}])["waypoints.0.action"]
     assert problems(id="../tour").keys() == {"id"}
+    assert problems(id="site_ride") == {"id": "another mission has this name"}
+    assert staff.ask("mission_check", mission=TOUR | {"id": "site_ride"}, was="site_ride")["ok"]
     assert len(problems(waypoints=[{"name": name} for name in "abcdefghijkl"])) == 20  # not more
     assert saved(staff, name={"en": ""})["why"] == "answer.mission_invalid"
     assert not (tmp_path / "data").exists()

@@ -80,6 +80,8 @@ class MissionFiles:
                 return EditAnswer(INVALID, problems=tuple(problems))
             if isinstance(message, p.SaveMission):
                 self._own.save(mission, message.was, message.revision)
+            else:
+                self._own.require_free(mission.id, message.was)
         except MissionTaken:
             return EditAnswer(TAKEN, problems=(Problem(("id",), "id", "another mission has this name"),))
         except MissionChanged:

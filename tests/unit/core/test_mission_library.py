@@ -77,6 +77,10 @@ def test_a_new_mission_takes_nobodys_place(own: OwnMissions) -> None:
     for taken in ("tour", "yard"):
         with pytest.raises(MissionTaken):
             own.save(mission(taken, "Other"))
+        with pytest.raises(MissionTaken):
+            own.require_free(taken)
+    own.require_free("tour", was="tour")
+    own.require_free("other", was="tour")
     assert own.path("tour").read_bytes() == before
     assert os.listdir(own.folder) == ["tour.yaml"]
 

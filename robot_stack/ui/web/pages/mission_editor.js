@@ -103,7 +103,7 @@ function useDraft(link, edit, setEdit) {
     if (!edit.judged || edit.readOnly) return undefined;
     let current = true;
     const timer = setTimeout(async () => {
-      const answer = await link.ask({ t: "mission_check", mission: draft });
+      const answer = await link.ask({ t: "mission_check", mission: draft, was: edit.was });
       if (current) setProblems(answer.problems ?? []);
     }, CHECK_AFTER_MS);
     return () => { current = false; clearTimeout(timer); };
