@@ -27,7 +27,7 @@ class ServerParams(Config):
     token: str
     clients_max: Annotated[int, Field(ge=1, le=32)]
     messages_hz_max: Annotated[float, Field(ge=25.0, le=1000.0)]
-    page_silence_s: Annotated[float, Field(ge=1.5, le=60.0)]
+    page_silence_s: Annotated[float, Field(ge=1.5, le=5.0)]
     request_s: Annotated[float, Field(ge=1.0, le=60.0)]
 
     @property

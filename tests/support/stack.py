@@ -27,7 +27,7 @@ from tf2_msgs.msg import TFMessage
 
 # Most tests run in simulated time, in a world that waits for a stack that falls behind. A busy machine then pauses the
 # world instead of looking like a silent sensor. The world makes up for no delay.
-_PATIENT = ("sim_world.catch_up_s=0.005", "touch_ui.server.page_silence_s=60.0")
+_PATIENT = ("sim_world.catch_up_s=0.005",)
 # Upper limit of the speed, times real time: as fast as the machine can, because the world waits for its robot.
 _SPEED = 2.0
 # A world of even asphalt, which has no map.

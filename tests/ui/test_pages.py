@@ -16,7 +16,7 @@ from robot_stack.core.stop_presence import Presence
 from tests.support.processes import NodeProcess
 from tests.support.ui_robot import StandInRobot
 from tests.support.waiting import wait_for
-from tests.ui.conftest import STAFF_PAGES, h2, unlock, until
+from tests.ui.conftest import STAFF_PAGES, h2, set_silence_limit, unlock, until
 
 
 def told(robot: StandInRobot, what: str) -> None:
@@ -297,7 +297,7 @@ def test_a_rider_calls_staff(page: Any, robot: StandInRobot) -> None:
 def test_a_page_that_lost_its_link_shows_it_and_keeps_only_the_stop(
     page: Any, robot: StandInRobot, screen: NodeProcess, start: Any, url: str
 ) -> None:
-    page.evaluate("window.touchUi.link.state.link.silence_s = 2.0")
+    set_silence_limit(page, 2.0)
     screen.signal(signal.SIGSTOP)  # the node hangs with its sockets open
     page.wait_for_selector(".lost")
     assert page.evaluate("window.touchUi.link.send({t: 'pause'}) && !window.touchUi.link.lost") is False

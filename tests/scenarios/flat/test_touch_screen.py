@@ -9,8 +9,8 @@ import pytest
 
 from robot_stack.core.runtime import touch_screen_url
 from tests.support.waiting import wait_for
+from tests.ui.conftest import PATIENT_S, set_silence_limit, unlock, until
 from tests.ui.conftest import browser as browser
-from tests.ui.conftest import unlock, until
 
 if TYPE_CHECKING:
     from tests.support.stack import StackUnderTest
@@ -25,6 +25,7 @@ def page(stack: StackUnderTest, browser: Any) -> Iterator[Any]:
     page.set_default_timeout(120_000)
     page.goto(url)
     page.wait_for_selector("[data-mission]")
+    set_silence_limit(page, PATIENT_S)
     yield page
     page.close()
 
