@@ -74,7 +74,7 @@ class WorldClock:
         """Within a step, time advances by the steady clock, so that long steps do not make the clock coarse. It never
         passes the next step's time, and goes back only if the world restarts.
         """
-        time_ns, into_step_ns = self._read()
+        time_ns, into_step_ns, _ = self._read()
         now_ns = time_ns + into_step_ns
         if self._latest_ns - _RESTART_NS < now_ns < self._latest_ns:
             return self._latest_ns
@@ -86,16 +86,14 @@ class WorldClock:
         return 1e-9 * self._read()[1]
 
     def overdue_s(self) -> float:
-        """Real time for which the clock has stood at the end of a step; the world is late with the next one."""
-        _, step_ns, speed_ppm, written_ns = self._page.read()
-        if not speed_ppm:
-            return 0.0
-        return max(0.0, 1e-9 * (time.monotonic_ns() - written_ns - step_ns * _PPM / speed_ppm))
+        """How far a world at full speed would be beyond the present step: the time for which the clock has stood."""
+        return 1e-9 * self._read()[2]
 
-    def _read(self) -> tuple[int, int]:
+    def _read(self) -> tuple[int, int, int]:
+        """The written time, the time into its step, and the time beyond the step."""
         time_ns, step_ns, speed_ppm, written_ns = self._page.read()
-        since_ns = int((time.monotonic_ns() - written_ns) * speed_ppm / _PPM)
-        return time_ns, max(0, min(since_ns, step_ns))
+        since_ns = max(0, int((time.monotonic_ns() - written_ns) * speed_ppm / _PPM))
+        return time_ns, min(since_ns, step_ns), max(0, since_ns - step_ns)
 
     def write_pace(self, pace: float) -> None:
         self._page.set_single(_PACE_PPM, round(_PPM * pace))

@@ -90,8 +90,9 @@ class SharedWorldClock:
     def real_wait_s(self, due_s: float) -> float:
         if due_s == math.inf:
             return math.inf
-        late_s = min(_WAIT_PER_OVERDUE * self._world.overdue_s(), _LONGEST_WAIT_S)
-        return max(_LEAST_WAIT_S, late_s, (due_s - self._world.now_s()) / self._world.speed)
+        speed = self._world.speed
+        late_s = min(_WAIT_PER_OVERDUE * self._world.overdue_s() / speed, _LONGEST_WAIT_S)
+        return max(_LEAST_WAIT_S, late_s, (due_s - self._world.now_s()) / speed)
 
 
 class TopicClock:

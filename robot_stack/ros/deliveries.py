@@ -102,11 +102,11 @@ class NodeDeliveries:
     # --- a schedule of the executor: looks again while an urgent message is on its way -------------------------------
 
     def wait_s(self) -> float:
-        return _LOOK_S if self._urgent.begun(self._publishers) else math.inf
+        return _LOOK_S if self.ready() else math.inf
 
     def ready(self) -> bool:
         """True while an urgent message is outstanding."""
-        return self._urgent.outstanding
+        return self._urgent.begun(self._publishers)
 
     def due(self) -> Iterator[Callable[[], Any]]:
         self._urgent.pending(self._found_publishers())
@@ -134,11 +134,6 @@ class _Wait:
 
     def follow_rows(self) -> None:
         self._rows = book.rows_taken(self._own, self._use)
-
-    @property
-    def outstanding(self) -> bool:
-        """True between ``begun`` and the end of the wait."""
-        return bool(self._debts)
 
     def begun(self, publishers: dict[int, list[Delivery]]) -> bool:
         """True if there is something to wait for."""

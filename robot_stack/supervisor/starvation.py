@@ -27,17 +27,15 @@ def turns(pid: int) -> dict[str, Turns]:
     """By thread, the main thread and those of its priority or a higher one: it may wait for a lock that one of them
     holds. Empty if the kernel does not report it, or the process has ended. Source: proc(5), the kernel's sched-stats.
     """
-    found: dict[str, Turns] = {}
+    found: dict[str, tuple[Turns, int]] = {}
     try:
-        niceness = _thread(Path(f"/proc/{pid}"))[1]
         for folder in Path(f"/proc/{pid}/task").iterdir():
             with contextlib.suppress(FileNotFoundError, ProcessLookupError):  # it has just ended
-                seen, own = _thread(folder)
-                if own <= niceness:
-                    found[folder.name] = seen
-    except (OSError, IndexError, ValueError):
+                found[folder.name] = _thread(folder)
+        _, niceness = found[str(pid)]
+    except (OSError, LookupError, ValueError):
         return {}
-    return found
+    return {thread: seen for thread, (seen, own) in found.items() if own <= niceness}
 
 
 def _thread(folder: Path) -> tuple[Turns, int]:
@@ -63,6 +61,8 @@ class Starvation:
             self._first.pop(name, None)
             return 0.0
         now = self._read(pid)
+        if not now:
+            return 0.0
         first_s, first = self._first.setdefault(name, (now_s, now))
         return max(
             (_waited_s(first[thread], now[thread], now_s - first_s) for thread in first if thread in now), default=0.0

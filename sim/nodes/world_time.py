@@ -71,7 +71,7 @@ class WorldTime:
             time.sleep(look_s)
             look_s = min(2.0 * look_s, _LAST_LOOK_S)
             self._serve()
-            waiting, real_s = self._stack.late(waiting, now_s), time.monotonic()
+            waiting, real_s = self._stack.overdue(waiting, now_s), time.monotonic()
             if not waiting or real_s - all_s > _ALL_S:
                 waiting, all_s = self._stack.waiting(now_s), real_s
             if waiting and real_s - start_s > _SHOWN_AFTER_S:
@@ -105,10 +105,10 @@ class _Stack:
         if real_s - self._searched_s > _SEARCH_S:
             self._searched_s = real_s
             self._search()
-        found = self.late(self._names, now_s)
+        found = self.overdue(self._names, now_s)
         return {name: reason for name, reason in found.items() if self._processes.takes_part(name)}
 
-    def late(self, names: Collection[str], now_s: float) -> dict[str, str]:
+    def overdue(self, names: Collection[str], now_s: float) -> dict[str, str]:
         """The nodes among ``names`` that are late or have not received a message that wakes them, and why."""
         due_s = {name: self._records.due_s(name) for name in names}
         return self._mail.owed(names) | late(due_s, now_s, self._tolerance_s)

@@ -74,6 +74,9 @@ def test_one_that_has_never_beaten_or_is_gone_is_not_excused(kernel: Kernel) -> 
     assert kernel.starvation.of_silence("x", PID, None, 0.0) == 0.0
     kernel.seen = None
     assert kernel.silent(60.0) == 0.0
+    kernel.seen = Turns(10.0, 100, runnable=True)  # measured from here on
+    assert kernel.silent(61.0) == 0.0
+    assert kernel.silent(62.0) == pytest.approx(1.0)
     assert Starvation().of_silence("x", 2**22, 60.0, 60.0) == 0.0
 
 
