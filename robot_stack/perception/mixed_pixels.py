@@ -54,7 +54,7 @@ class ChairEdges:
         hits, floor = view.hits[~self.beside(view.hits)], view.floor[~self.beside(view.floor[:, :3])]
         return replace(view, hits=hits, floor=floor)
 
-    def believed(self, xyz: Float, params: MixedPixelParams, points_min: int) -> Float:
+    def without_sparse(self, xyz: Float, params: MixedPixelParams, points_min: int) -> Float:
         """(k, 3) of obstacle points (n, 3): without those beside the chair that are too few to be an object."""
         kept = ~self.beside(xyz)
         reach_m = np.float32(self._box[1] + params.beyond_m)

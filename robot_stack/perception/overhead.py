@@ -57,7 +57,7 @@ class Overhead:
         if chair:
             self._chair_edges.look(points)
             filter_params = self._params.mixed_pixels
-            things = self._chair_edges.believed(things, filter_params, filter_params.overhead_points_min)
+            things = self._chair_edges.without_sparse(things, filter_params, filter_params.overhead_points_min)
         self._obstacles = told = voxels(things, self._params.obstacles.voxel_m)
         self._stamp_s = stamp_s
         look = self._views.view(stamp_s, seen.sensor_m, seen.tilt, told, seen.points, seen.profile)

@@ -103,7 +103,7 @@ class Pipeline:
             self._chair_edges.look(points)
             obstacles = np.concatenate([obstacles, specks[self._chair_edges.beside(specks)]])
             filter_params = self._params.mixed_pixels
-            obstacles = self._chair_edges.believed(obstacles, filter_params, filter_params.points_min)
+            obstacles = self._chair_edges.without_sparse(obstacles, filter_params, filter_params.points_min)
         obstacles = np.concatenate([obstacles, self._edges(seen.profile)])
         fresh = voxels(obstacles, params.voxel_m, params.far_m, params.far_column_m)
         pose = self.motion.pose_at(stamp_s)

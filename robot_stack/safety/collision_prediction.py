@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.safety.collision import FREE, Approach, Floats, Outline, approach
 from robot_stack.safety.obstacle_params import CollisionParams
-from robot_stack.safety.pedestrian_collision import NOBODY, PedestrianCollision
+from robot_stack.safety.pedestrian_collision import NO_COLLISION, PedestrianCollision
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +27,7 @@ class CollisionPrediction:
     nearest_m: float
     reach_m: float
     brake_mps2: float
-    pedestrian_collision: PedestrianCollision = NOBODY
+    pedestrian_collision: PedestrianCollision = NO_COLLISION
     no_ground: Approach = FREE
     measured: Twist2 = ZERO_TWIST
 

@@ -30,7 +30,7 @@ class PedestrianCollision:
     speed_mps: float = math.inf
 
 
-NOBODY = PedestrianCollision()
+NO_COLLISION = PedestrianCollision()
 
 
 class PedestrianCollisionWatch:

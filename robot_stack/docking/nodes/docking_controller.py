@@ -40,7 +40,7 @@ class DockingControllerNode(StackNode):
             self.get_logger().error(f"nothing learnt before is used: {problem}")
         cameras = {frame: mounting(self.robot, frame) for frame in (frames.FRONT_CAMERA, frames.REAR_CAMERA)}
         self._departure = Departure(load(DepartureParams, "departure"))
-        self._departures = MotionWarnings(self, given=self._departure.announced)
+        self._motion_warnings = MotionWarnings(self, given=self._departure.announced)
         self._controller = DockingController(self.params, cameras, self._departure, self._corrections)
         self._latch = LatchIo(self, self.params.engine_poll_hz)
         self._outputs = DockingOutputs(self, self.params)
@@ -80,7 +80,7 @@ class DockingControllerNode(StackNode):
         situation = self._inputs.situation(self._latch.inputs)
         self._recall(situation)
         output = self._controller.tick(situation)
-        self._departures.publish(self._departure.remaining_s)
+        self._motion_warnings.publish(self._departure.remaining_s)
         self._remember()
         self._publish_latch(situation.latch)
         self._latch.command(output.latch)

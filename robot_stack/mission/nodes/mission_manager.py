@@ -37,8 +37,8 @@ class MissionManagerNode(StackNode):
         super().__init__("mission_manager", MissionParams)
         self._docking = DockingClient(self, self._handle)
         # Its warnings do not depend on other nodes': it cancels the goal before it sends a new one.
-        self._departures = MotionWarnings(self, given=lambda: None)
-        self._outputs = MissionOutputs(self, self.params, self._docking, self._departures)
+        self._motion_warnings = MotionWarnings(self, given=lambda: None)
+        self._outputs = MissionOutputs(self, self.params, self._docking, self._motion_warnings)
         self._pose = self.subscribe(topics.CURRENT_POSE)
         self._odom = self.subscribe(topics.ODOM)
         self._battery = self.subscribe(topics.BATTERY_STATE)
@@ -126,7 +126,7 @@ class MissionManagerNode(StackNode):
             docking_state=self._docking_state(),
             charging=self._battery.fresh() and self._battery.latest.power_supply_status == _CHARGING,
             manual=self._teleop.fresh(),
-            setting_out=self._departures.heard,
+            setting_out=self._motion_warnings.heard,
         )
 
     def _charge(self) -> float:

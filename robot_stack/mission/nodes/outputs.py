@@ -20,10 +20,10 @@ class MissionOutputs:
     """Publishers of the node ``mission_manager``, and its goals to docking: the kernel's ``perform.Outputs``."""
 
     def __init__(
-        self, node: StackNode, params: MissionParams, docking: DockingClient, departures: MotionWarnings
+        self, node: StackNode, params: MissionParams, docking: DockingClient, motion_warnings: MotionWarnings
     ) -> None:
         self._node, self._params = node, params
-        self._docking, self._departures = docking, departures
+        self._docking, self._motion_warnings = docking, motion_warnings
         self._status = node.advertise(topics.MISSION_STATUS)
         self._goal = node.advertise(topics.GOAL_POSE)
         self._stop = node.emergency_stop_source(until_latched=True)
@@ -58,7 +58,7 @@ class MissionOutputs:
         self._stop.publish(active)
 
     def warn_of_departure(self, remaining_s: float) -> None:
-        self._departures.publish(remaining_s)
+        self._motion_warnings.publish(remaining_s)
 
     def publish_status(self, status: Status) -> None:
         message = MissionStatus(

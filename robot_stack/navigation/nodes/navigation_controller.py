@@ -41,7 +41,7 @@ class NavigationControllerNode(StackNode):
         motion = self.robot.empty
         self._poses = PoseSource(self.params.pose, motion.max_speed_mps, motion.max_yaw_rate_radps)
         self._departure = Departure(load(DepartureParams, "departure"))
-        self._departures = MotionWarnings(self, given=self._departure.announced)
+        self._motion_warnings = MotionWarnings(self, given=self._departure.announced)
         grid = load_map(self.params.map).grid if self.params.map else None
         self.controller = NavigationController(
             self.params, self.robot, frames.MAP, self._departure, grid, self._background_planner
@@ -121,7 +121,7 @@ class NavigationControllerNode(StackNode):
         problem = "; ".join(filter(None, self._problems.values())) or problem or blind
         situation = Situation(self.now_s(), located, problem, self.emergency_stop, blind)
         output = self.controller.tick(situation)
-        self._departures.publish(self._departure.remaining_s)
+        self._motion_warnings.publish(self._departure.remaining_s)
         self._outputs.command(output.twist)
         self._outputs.plan(self.controller.path)
         self._report_state(output, problem)

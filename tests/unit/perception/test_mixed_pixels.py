@@ -84,9 +84,9 @@ def test_few_points_beside_the_chair_are_no_thing_and_many_are(params: Perceptio
     edges.look(chair)
     behind = np.array([0.2 + 2 * 0.8, 2 * 0.3, 0.5], np.float32)
     for count, kept in ((few.points_min - 1, 0), (few.points_min, few.points_min)):
-        assert len(edges.believed(np.tile(behind, (count, 1)), few, few.points_min)) == kept
+        assert len(edges.without_sparse(np.tile(behind, (count, 1)), few, few.points_min)) == kept
     reach_m = float(box[1]) + few.beyond_m
     for elsewhere in ((1.6, -0.6, 0.5), (reach_m + 0.4, (reach_m + 0.2) * 0.3 / 0.8, 0.5)):
-        assert len(edges.believed(np.array([elsewhere], np.float32), few, few.points_min)) == 1
+        assert len(edges.without_sparse(np.array([elsewhere], np.float32), few, few.points_min)) == 1
     edges.look(chair[2:])
-    assert len(edges.believed(behind[None], few, few.points_min)) == 1
+    assert len(edges.without_sparse(behind[None], few, few.points_min)) == 1
