@@ -26,6 +26,8 @@ from robot_stack.perception.steps import RingErrors, look_again
 Float = NDArray[np.float32]
 Int = NDArray[np.int32]
 Bytes = NDArray[np.uint8]
+_SIDE_SECTORS = 30  # searched on each side: the attached chair hides 25 deg
+_CROWN = 0.5  # of the steepest slope: how far ground hidden from both sides may rise above them
 _IN_RANGE = 0.8  # of the ground that a sensor sees: there the second next ring is within its range too
 
 
@@ -207,7 +209,10 @@ def _follow(
             cells[s, k, GROUND_M] = last_z[s]
             anything[s] = True
             if upper[s] - lower[s] > lateral:
-                _ask_neighbours(s, sectors, upper, lower, firm, at, seed_d, slope * width)
+                if seen[s]:
+                    _ask_neighbours(s, sectors, upper, lower, firm, at, seed_d, slope * width)
+                else:
+                    _ask_both_sides(s, sectors, upper, lower, firm, seen, np.float32(_CROWN) * slope * width)
             z, d = cells[s, k, HEIGHT], cells[s, k, DISTANCE]
             # Range errors at the angle of incidence: along the ray, so only a small part is height. A slope adds its
             # own share. Noise averages out over a cell's points; the bias of a ring does not.
@@ -284,6 +289,28 @@ def _ask_neighbours(
         if deep <= upper[s] and high >= lower[s]:
             upper[s], lower[s] = min(upper[s], high), max(lower[s], deep)
             firm[s] = min(max(firm[s], firm[other] - rise), upper[s])
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _ask_both_sides(s: int, sectors: int, upper: Float, lower: Float, firm: Float, seen: Any, rise: Any) -> None:
+    """In a sector whose first surface is seen, the nearest ground on both sides bounds the cone.
+
+    The attached chair hides the ground before it. Without this bound, the top of a low object there is within the cone.
+    One side alone is no bound: a ramp is higher than the ground beside it.
+    """
+    high, deep, base = lower[s], upper[s], upper[s]
+    for side in (-1, 1):
+        for step in range(1, _SIDE_SECTORS + 1):
+            other = (s + side * step) % sectors
+            if seen[other] and upper[other] - lower[other] <= np.float32(0.5) * (upper[s] - lower[s]):
+                high = max(high, upper[other] + step * rise)
+                deep, base = min(deep, lower[other] - step * rise), min(base, firm[other] - step * rise)
+                break
+        else:
+            return
+    if deep <= upper[s] and high >= lower[s]:
+        upper[s], lower[s] = min(upper[s], high), max(lower[s], deep)
+        firm[s] = min(max(firm[s], base), upper[s])
 
 
 @numba.njit(cache=True, error_model="numpy")

@@ -36,6 +36,7 @@ _SMOOTH_M = 0.06
 _EVEN_SHARE = 0.8  # of the steepest ramp's slope, that a steep slope has at least: a kerb's line is flatter, or off
 _EVEN_CELLS = 6
 _EVEN_GAP_M = 0.2  # between two of its cells
+_DECK_EDGE_M = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -303,11 +304,13 @@ def _is_even(
 
 @numba.njit(cache=True, error_model="numpy")
 def _find_decks(cells: Float, active: Int, slope: Any, least: Any, kind: Bytes) -> None:
+    """Decks become ground. If no side of it was seen before it, the first cells of a deck stay the obstacle."""
     rings = kind.shape[1]
     for s in active:
         first, last = -1, -1
+        sided, raised = False, False  # sided: the cell before the deck is raised, too
         for k in range(rings + 1):
-            smooth, joined = False, False
+            smooth, joined, high = False, False, False
             if k < rings:
                 what = kind[s, k]
                 if what == EMPTY or what == DROP:
@@ -323,10 +326,12 @@ def _find_decks(cells: Float, active: Int, slope: Any, least: Any, kind: Bytes) 
                         and away < least
                     )
             if smooth and joined:
-                last = k
+                last, raised = k, True
                 continue
             if last > first >= 0 and cells[s, last, DISTANCE] - cells[s, first, DISTANCE] >= least:
+                inside = cells[s, first, DISTANCE] + (np.float32(0.0) if sided else np.float32(_DECK_EDGE_M))
                 for j in range(first, last + 1):
-                    if kind[s, j] == TALL or kind[s, j] == STEP:
+                    if (kind[s, j] == TALL or kind[s, j] == STEP) and cells[s, j, DISTANCE] >= inside:
                         kind[s, j], cells[s, j, GROUND_M] = FLOOR, cells[s, j, HEIGHT]
             first = last = k if smooth else -1
+            sided, raised = raised, high

@@ -152,7 +152,9 @@ class MovingObjects:
                 before, count = nearest.count, float(body[:, 4].sum())
                 nearest.count = max(0.9 * before, count)
                 if nearest.moves and self._goes_out_of_sight(nearest, body, would_see):
-                    self._follow_one_end(nearest, body)
+                    rear_m, front_m = nearest.ends_m(body)
+                    if front_m >= min(rear_m, 0.0):  # else it gets hidden, and keeps its velocity
+                        self._follow_one_end(nearest, body)
                     continue
                 if count < p.whole * before:  # mostly hidden: the centre of the rest is no measurement
                     nearest.correct(x, y, p.place_sigma_m + 0.5 * _width_m(nearest.shape))

@@ -23,6 +23,7 @@ from robot_stack.perception.space.view import View
 
 _MOST_POINTS = 8000
 _STEP_S = 0.05
+_HIDDEN_M = 1.6  # before an attached chair, an object 0.25 m high is hidden for 1.5 m
 
 
 @dataclass(frozen=True, slots=True)
@@ -173,7 +174,10 @@ class Space:
         x, y, c, s = _array(pose)
         at, top_m, hidden = body, float(body[:, 2].max()), False
         middle = body[:, :2].mean(axis=0)
-        for after_s in np.arange(_STEP_S, p.moving_objects.coast_s + _STEP_S, _STEP_S):
+        end_s, speed_mps = p.moving_objects.coast_s, math.hypot(vx_mps, vy_mps)
+        if vx_mps * (x - middle[0]) + vy_mps * (y - middle[1]) > 0.0:  # a slow one approaches for longer
+            end_s = max(end_s, _HIDDEN_M / speed_mps)
+        for after_s in np.arange(_STEP_S, end_s + _STEP_S, _STEP_S):
             on = body + np.array([after_s * vx_mps, after_s * vy_mps, 0.0])
             dx, dy = on[:, 0] - x, on[:, 1] - y
             u, v = c * dx + s * dy, c * dy - s * dx

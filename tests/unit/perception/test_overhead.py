@@ -128,6 +128,34 @@ def test_a_person_before_the_passenger_is_seen(
     assert near(seen(points, robot, params, chair=True), ahead_m, aside_m) > 50
 
 
+@pytest.mark.parametrize("front_m", [2.0, 2.5, 2.7])
+@pytest.mark.parametrize("length_m", [0.5, 0.9, 1.4])
+def test_low_box_in_the_shadow_of_the_chair_is_an_obstacle(
+    front_m: float, length_m: float, robot: Robot, params: PerceptionParams
+) -> None:
+    """Its top is the first surface seen there, smooth like a deck and within the slope of a ramp from the wheels."""
+    x_m = front_m + 0.5 * length_m
+    box = {"name": "box", "x_m": x_m, "y_m": 0.0, "length_m": length_m, "width_m": 0.5, "height_m": 0.25}
+    found = seen(frame(world(boxes=[box]), chair=True), robot, params, chair=True)
+    shown = (found[:, 0] > 2.8) & (found[:, 0] < x_m + 0.5 * length_m + 0.1) & (np.abs(found[:, 1]) < 0.3)
+    assert shown.any() == (front_m + length_m > 2.95)  # nearer, rays pass above it
+
+
+@pytest.mark.parametrize("edge_m", [-0.45, 0.45])
+@pytest.mark.parametrize("foot_m", [1.5, 2.0, 2.5])
+@pytest.mark.parametrize("yaw", [0.0, 0.06])
+def test_ramp_with_one_edge_near_the_robot_is_ground_behind_the_chair(
+    edge_m: float, foot_m: float, yaw: float, robot: Robot, params: PerceptionParams
+) -> None:
+    """The robot drives up to it turned towards the edge, beyond which the level ground goes on."""
+    ramp = {"name": "ramp", "x_m": foot_m, "y_m": edge_m - math.copysign(2.0, edge_m), "slope_deg": 10.0,
+            "height_m": 0.6, "width_m": 4.0, "top_length_m": 3.0}  # fmt: skip
+    base = Pose2(0.0, 0.0, math.copysign(yaw, edge_m))
+    found = seen(frame(world(ramps=[ramp]), base, chair=True), robot, params, chair=True)
+    aside_m = math.copysign(1.0, edge_m) * (math.sin(base.yaw) * found[:, 0] + math.cos(base.yaw) * found[:, 1])
+    assert not ((found[:, 0] > 1.4) & (aside_m < abs(edge_m) - 0.15)).any(), found
+
+
 @pytest.mark.parametrize(("x_m", "y_m"), [(-2.0, 0.25), (-1.2, 0.0), (-0.9, 0.0)])
 def test_a_bag_behind_the_deck_is_seen(x_m: float, y_m: float, robot: Robot, params: PerceptionParams) -> None:
     """0.2 m wide and 0.3 m high, hidden by the deck from the other LiDAR. Far behind, the mast's shadow is as wide."""

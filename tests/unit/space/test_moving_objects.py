@@ -314,11 +314,19 @@ def test_a_low_cart_that_goes_before_the_knees_is_remembered_right_before_them(s
     assert near(yard.scene.obstacles, 1.4, 0.0, 0.35) > 0
 
 
-def test_a_slow_long_cart_that_goes_before_the_knees_is_remembered_right_before_them() -> None:
-    """The cart takes 2 s to leave a place, longer than a point counts as new."""
+@pytest.mark.parametrize(("speed_mps", "from_m"), [(0.3, 5.0), (0.48, 4.3), (1.0, 6.5)])
+def test_a_slow_long_cart_that_goes_before_the_knees_is_remembered_right_before_them(
+    speed_mps: float, from_m: float
+) -> None:
+    """At 0.3 m/s the cart takes 3 s to leave a place, longer than a point counts as new. It is an obstacle until its
+    rear passes the last rays that are low enough."""
     yard = Yard(chair=True, who=Block(0.45, 0.25, 0.05, 0.25))
     yard.run(1.0)
-    yard.at["who"] = (4.3, 0.0)
-    yard.walk("who", (1.91, 0.0), 0.48).run(2.5)
+    yard.at["who"] = (from_m, 0.0)
+    for to_m in (3.3, 2.9, 2.6):
+        scene = yard.walk("who", (to_m, 0.0), speed_mps).scene
+        assert scene is not None
+        assert near(scene.obstacles, max(to_m - 0.45, 2.95), 0.0, 0.3) > 10, to_m
+    yard.walk("who", (1.91, 0.0), speed_mps).run(2.5)
     assert yard.scene is not None
     assert near(yard.scene.obstacles, 1.46, 0.0, 0.3) > 0
