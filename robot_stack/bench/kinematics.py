@@ -9,7 +9,7 @@ from statistics import quantiles
 from robot_stack.bench.framework import Aim
 from robot_stack.core.config import load
 from robot_stack.core.geometry import Twist2
-from robot_stack.core.limits import MotionLimits
+from robot_stack.core.limits import MotionLimits, SafetyLimit
 from robot_stack.core.robot import load_robot
 from robot_stack.drive.arbitration import Arbiter, Source
 from robot_stack.drive.kinematics import ZEROS
@@ -19,7 +19,7 @@ from robot_stack.drive.parameters import (
     module_limits,
     module_positions,
 )
-from robot_stack.drive.permission import SafetyLimit, Situation, permit
+from robot_stack.drive.permission import Situation, permit
 from robot_stack.drive.swerve_drive import SwerveDrive
 
 NAME = "kinematics"
@@ -62,7 +62,7 @@ def _controller_us(twists: list[Twist2]) -> list[float]:
     measured = drive.halt(ZEROS).modules.angles_rad
     arbiter = Arbiter()
     empty, with_passenger = MotionLimits.of(robot.empty), MotionLimits.of(robot.with_passenger)
-    limit = SafetyLimit(robot.empty.max_speed_mps, robot.empty.max_yaw_rate_radps, "")
+    limit = SafetyLimit(robot.empty.max_speed_mps, robot.empty.max_yaw_rate_radps)
     times = []
     for tick, twist in enumerate(twists):
         now_s = tick * _TICK_S

@@ -3,6 +3,8 @@
 Thresholds are parameters of ``config/safety_monitor.yaml``.
 """
 
+from collections.abc import Collection, Iterable
+
 from robot_stack.contract.model import Clears, Fault, SafetyAction, SafetyState
 
 _GONE, _RESET = Clears.WHEN_GONE, Clears.ON_RESET
@@ -102,9 +104,19 @@ WAY_UNSEEN = "WAY_UNSEEN"  # the motion leads into an area that is neither obser
 SIGHT_STALE = "SIGHT_STALE"  # the newest obstacle points are old, OBSTACLES_TIMEOUT is not raised yet
 
 
-def stops_gently(reason: str) -> bool:
-    """True if every code of a limit's ``reason`` is a row with a gentle stop.
+def join_codes(codes: Iterable[str]) -> str:
+    """``VelocityLimit.reason`` of these codes; ``split_codes`` reads it."""
+    return ",".join(codes)
 
-    False (hard) if in doubt: an empty text, a code that is not in the list, a space or another separator.
+
+def split_codes(reason: str) -> tuple[str, ...]:
+    """The codes of ``VelocityLimit.reason``. A space or another separator makes an unknown code."""
+    return tuple(reason.split(",")) if reason else ()
+
+
+def stops_gently(codes: Collection[str]) -> bool:
+    """True if every code of a limit is a row with a gentle stop.
+
+    False (hard) if in doubt: no code, or one that is not in the list.
     """
-    return all(code in BY_CODE and BY_CODE[code].gentle for code in reason.split(","))
+    return bool(codes) and all(code in BY_CODE and BY_CODE[code].gentle for code in codes)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from robot_stack.contract.faults import stops_gently
 from robot_stack.core.robot import Motion
 
 
@@ -21,6 +22,20 @@ class SpeedLimit:
     def usable(self) -> tuple[float, float]:
         """(speed m/s, yaw rate rad/s), both >= 0."""
         return _usable(self.linear_mps), _usable(self.angular_radps)
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyLimit(SpeedLimit):
+    """The safety monitor's limit, as in ``/safety/velocity_limit``.
+
+    codes: faults and other reasons that it stems from (``robot_stack.contract.faults``); none = the robot's own limits.
+    """
+
+    codes: tuple[str, ...] = ()
+
+    def is_hard_stop(self) -> bool:
+        """True for a limit of zero or NaN, unless every code permits a gentle stop."""
+        return self.usable()[0] == 0.0 and not stops_gently(self.codes)
 
 
 STANDSTILL = SpeedLimit(0.0, 0.0)

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from enum import Enum
 
 from robot_stack.contract import topics
-from robot_stack.contract.faults import stops_gently
 from robot_stack.contract.model import Topic
-from robot_stack.core.limits import MotionLimits, SpeedLimit
+from robot_stack.core.limits import MotionLimits, SafetyLimit
 from robot_stack.drive.arbitration import NO_COMMAND, Command, Source
 
 
@@ -23,17 +22,6 @@ class Action(Enum):
     DRIVE = "drive"
     BRAKE = "brake"
     HALT = "halt"
-
-
-@dataclass(frozen=True, slots=True)
-class SafetyLimit(SpeedLimit):
-    """The safety monitor's limit; ``reason`` names fault codes, joined by commas."""
-
-    reason: str
-
-    def is_hard_stop(self) -> bool:
-        """True for a limit of zero or NaN, unless every code of its reason permits a gentle stop."""
-        return self.usable()[0] == 0.0 and not stops_gently(self.reason)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +71,7 @@ def permit(situation: Situation, empty: MotionLimits, with_passenger: MotionLimi
         if not fresh:
             return Permission(Action.BRAKE, NO_COMMAND, limits, False, _silent(topic))
     if limit.is_hard_stop():
-        return Permission(Action.BRAKE, NO_COMMAND, limits, True, f"stop: {limit.reason}")
+        return Permission(Action.BRAKE, NO_COMMAND, limits, True, f"stop: {', '.join(limit.codes)}")
     limits = limits.slower(limit)
     holder = situation.holder
     if holder is not None and situation.must_rest:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot_stack.contract.faults import PASSENGER_ONBOARD, SIGHT_STALE, UNDOCKING, WAY_UNSEEN, stops_gently
+from robot_stack.contract.faults import PASSENGER_ONBOARD, SIGHT_STALE, UNDOCKING, WAY_UNSEEN
 from robot_stack.contract.model import SafetyAction, SafetyState
-from robot_stack.core.limits import STANDSTILL, SpeedLimit
+from robot_stack.core.limits import STANDSTILL, SafetyLimit, SpeedLimit
 from robot_stack.safety.rows import ActiveRow
 
 
@@ -16,16 +16,12 @@ class Verdict:
     """The permission of the drive now.
 
     faults: codes of all rows in force, in the order of the contract.
-    limit, reason: the speed limit and the codes of its origin, joined by commas; "" = the robot's own limits.
-    hard: the drive stops at the emergency deceleration: every stop whose rows are not all gentle.
     """
 
     action: SafetyAction
     state: SafetyState
     faults: tuple[str, ...]
-    limit: SpeedLimit
-    reason: str
-    hard: bool = False
+    limit: SafetyLimit
 
 
 def arbitrate(
@@ -57,14 +53,12 @@ def arbitrate(
     linear_mps = min([own.linear_mps, *(limit.linear_mps for _, limit in limits)])
     angular_radps = min([own.angular_radps, *(limit.angular_radps for _, limit in limits)])
     smallest = SpeedLimit(linear_mps, angular_radps)
-    reason = ",".join(code for code, limit in limits if _binds(limit, smallest, own))
+    codes = tuple(code for code, limit in limits if _binds(limit, smallest, own))
     return Verdict(
         action=max((row.action for row in rows), default=SafetyAction.NONE),
         state=max((row.state for row in rows), default=SafetyState.NORMAL),
         faults=tuple(row.code for row in rows),
-        limit=smallest,
-        reason=reason,
-        hard=linear_mps <= 0.0 and not stops_gently(reason),
+        limit=SafetyLimit(linear_mps, angular_radps, codes),
     )
 
 

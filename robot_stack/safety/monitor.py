@@ -94,7 +94,7 @@ class SafetyMonitor:
         unseen = unseen_limit(snapshot, self._params)
         stale_sight = stale_sight_limit(snapshot, self._params)
         verdict = arbitrate(self._active(), self._own, passenger, unseen, snapshot.undocking, stale_sight)
-        self.observation.limited(verdict.limit, verdict.hard, now_s)
+        self.observation.limited(verdict.limit, now_s)
         return verdict
 
     def pressed_by(self, now_s: float) -> dict[str, Presence]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from robot_stack.contract import processes, topics
 from robot_stack.contract.model import Criticality
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
-from robot_stack.core.limits import SpeedLimit
+from robot_stack.core.limits import SafetyLimit, SpeedLimit
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.safety.attitude import PlanarAcceleration, UpDirection
 from robot_stack.safety.button import Contact, EmergencyButton
@@ -121,9 +121,9 @@ class Observation:
         """A message of ``/emergency_stop/sources``."""
         self.sources.report(report, now_s)
 
-    def limited(self, limit: SpeedLimit, hard: bool, now_s: float) -> None:
-        """The published speed limit. hard: a stop at the emergency deceleration."""
-        self._overspeed.limited(limit, hard, self._robot.motion(self.chair.carried), now_s)
+    def limited(self, limit: SafetyLimit, now_s: float) -> None:
+        """The published speed limit."""
+        self._overspeed.limited(limit, limit.is_hard_stop(), self._robot.motion(self.chair.carried), now_s)
 
     def heartbeat(self, process: str, now_s: float) -> None:
         self._heard_s[process] = now_s

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from robot_stack.contract.faults import join_codes
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from sim.bench.drops_cases import SETTLE_S, Case, contacts
 from sim.bench.people_stage import STEP_S, Stage
@@ -66,8 +67,8 @@ def play(case: Case, *, guarded: bool = True) -> Outcome:
 
 
 def told(stage: Stage) -> str:
-    verdict = stage.verdict
-    return f"{verdict.limit.linear_mps:.2f} m/s {verdict.reason} {'; '.join(stage.monitor.details.values())}"
+    limit = stage.verdict.limit
+    return f"{limit.linear_mps:.2f} m/s {join_codes(limit.codes)} {'; '.join(stage.monitor.details.values())}"
 
 
 def _over(case: Case, pose: Pose2) -> bool:

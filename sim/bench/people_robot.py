@@ -8,7 +8,7 @@ from robot_stack.contract.frames import DRIVE_AXES, JOINTS, STEER_AXES
 from robot_stack.contract.topics import WHEEL_COMMANDS
 from robot_stack.core.config import load
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Twist2, exp_se2
-from robot_stack.core.limits import MotionLimits
+from robot_stack.core.limits import MotionLimits, SafetyLimit
 from robot_stack.core.robot import Robot
 from robot_stack.drive.arbitration import Arbiter, Source
 from robot_stack.drive.kinematics import ZEROS, ModuleSetPoints
@@ -18,7 +18,7 @@ from robot_stack.drive.parameters import (
     module_limits,
     module_positions,
 )
-from robot_stack.drive.permission import Action, SafetyLimit, Situation, permit
+from robot_stack.drive.permission import Action, Situation, permit
 from robot_stack.drive.swerve_drive import SwerveDrive
 from robot_stack.safety.arbiter import Verdict
 
@@ -51,12 +51,12 @@ class DrivenRobot:
 
     def obey(self, verdict: Verdict) -> None:
         """Applies a message of /safety/velocity_limit."""
-        self._limit = SafetyLimit(verdict.limit.linear_mps, verdict.limit.angular_radps, verdict.reason)
+        self._limit = verdict.limit
 
     def free(self) -> None:
         """Removes the limit."""
         limits = self._limits[self._chair]
-        self._limit = SafetyLimit(limits.speed_mps, limits.yaw_rate_radps, "")
+        self._limit = SafetyLimit(limits.speed_mps, limits.yaw_rate_radps)
 
     def command(self, source: Source, twist: Twist2, now_s: float) -> None:
         self._arbiter.command(source, twist, now_s)

@@ -150,7 +150,7 @@ class Invariants(Observer):
         # Messages
         self._safety: Any = None
         self._rows_since: dict[str, float] = {}
-        self._limit_mps, self._limit_s, self._limit_reason = 0.0, -math.inf, ""
+        self._limit_mps, self._limit_s, self._limit_codes = 0.0, -math.inf, frozenset[str]()
         self._mission: Any = None
         self._arrived: dict[str, float] = {}
         self._counts: defaultdict[tuple[str, str], list[float]] = defaultdict(lambda: [0.0, 0.0])
@@ -280,7 +280,8 @@ class Invariants(Observer):
 
     def _on_limit(self, now_s: float, _: str, data: bytes) -> None:
         message = decoder(topics.VELOCITY_LIMIT.type)(data)
-        self._limit_mps, self._limit_s, self._limit_reason = message.max_linear_velocity, now_s, message.reason
+        self._limit_mps, self._limit_s = message.max_linear_velocity, now_s
+        self._limit_codes = frozenset(faults.split_codes(message.reason))
 
     def _on_emergency_stop(self, now_s: float, _: str, data: bytes) -> None:
         if decoder(topics.EMERGENCY_STOP.type)(data).data and not self._stop_confirmed:
@@ -391,7 +392,7 @@ class Invariants(Observer):
 
     def _judge_speed(self, now_s: float, speed_mps: float) -> None:
         silent = now_s - self._limit_s > topics.VELOCITY_LIMIT.stale_limit_s
-        stop = self._limit_mps <= 0.0 and not set(self._limit_reason.split(",")) <= _GENTLE
+        stop = self._limit_mps <= 0.0 and not (self._limit_codes and self._limit_codes <= _GENTLE)
         hard = self._stop_since_s is not None or silent or stop
         limit_mps = 0.0 if hard else max(0.0, self._limit_mps)
         motion = self._motion()

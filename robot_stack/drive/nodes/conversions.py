@@ -10,9 +10,10 @@ from sensor_msgs.msg import JointState
 
 from custom_msgs.msg import SwerveModuleCommand, SwerveModuleCommandArray, VelocityLimit
 from robot_stack.contract import frames
+from robot_stack.contract.faults import split_codes
+from robot_stack.core.limits import SafetyLimit
 from robot_stack.drive.kinematics import ModuleSetPoints
 from robot_stack.drive.odometry import Odometry, planar_covariance
-from robot_stack.drive.permission import SafetyLimit
 from robot_stack.middleware.conversions import pose_to_msg, transform_stamped, twist_to_msg
 from robot_stack.wmx.axes import StatusSnapshot
 from tf2_msgs.msg import TFMessage
@@ -59,4 +60,4 @@ def odom_to_base_link(odometry: Odometry, stamp: Time) -> TFMessage:
 def speed_limit(message: VelocityLimit | None) -> SafetyLimit | None:
     if message is None:
         return None
-    return SafetyLimit(message.max_linear_velocity, message.max_angular_velocity, message.reason)
+    return SafetyLimit(message.max_linear_velocity, message.max_angular_velocity, split_codes(message.reason))

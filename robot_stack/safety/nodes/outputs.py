@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 from custom_msgs.msg import SafetyStatus, VelocityLimit
 from robot_stack.contract import frames, topics
-from robot_stack.core.limits import SpeedLimit
+from robot_stack.contract.faults import join_codes
+from robot_stack.core.limits import SafetyLimit
 from robot_stack.middleware.node import StackNode
 from robot_stack.safety.arbiter import Verdict
 
@@ -38,9 +39,11 @@ class SafetyOutputs:
         for code in known.difference(verdict.faults):
             logger.info(f"{code}: cleared")
 
-    def limit(self, limit: SpeedLimit, reason: str) -> None:
+    def limit(self, limit: SafetyLimit) -> None:
         message = VelocityLimit(
-            max_linear_velocity=limit.linear_mps, max_angular_velocity=limit.angular_radps, reason=reason
+            max_linear_velocity=limit.linear_mps,
+            max_angular_velocity=limit.angular_radps,
+            reason=join_codes(limit.codes),
         )
         message.header.stamp, message.header.frame_id = self._node.stamp(), frames.BASE_LINK
         self._limit.publish(message)

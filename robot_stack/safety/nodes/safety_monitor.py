@@ -7,7 +7,7 @@ from typing import Any
 from std_msgs.msg import Bool
 
 from robot_stack.contract import services, topics
-from robot_stack.core.limits import STANDSTILL
+from robot_stack.core.limits import SafetyLimit
 from robot_stack.core.node_record import Heartbeats
 from robot_stack.core.runtime import state_dir, state_shadow_dir
 from robot_stack.core.stop_presence import describe_presence
@@ -123,8 +123,8 @@ class SafetyMonitorNode(StackNode):
             self._outputs.log_changes(before, verdict, self._monitor.details)
             self.set_health(True, " ".join([verdict.state.name, *verdict.faults]))
             self._publish_status()
-        if before is None or (before.limit, before.reason) != (verdict.limit, verdict.reason):
-            self._outputs.limit(verdict.limit, verdict.reason)
+        if before is None or before.limit != verdict.limit:
+            self._outputs.limit(verdict.limit)
 
     def _publish_status(self) -> None:
         if self._verdict is None:
@@ -138,11 +138,11 @@ class SafetyMonitorNode(StackNode):
 
     def _repeat_limit(self) -> None:
         if self._verdict is not None:
-            self._outputs.limit(self._verdict.limit, self._verdict.reason)
+            self._outputs.limit(self._verdict.limit)
 
     def safe_output(self) -> None:
         """Without a monitor the robot must not drive."""
-        self._outputs.limit(STANDSTILL, "NODE_DEAD")
+        self._outputs.limit(SafetyLimit(0.0, 0.0, ("NODE_DEAD",)))
 
     def destroy_node(self) -> None:
         self._engine.close()

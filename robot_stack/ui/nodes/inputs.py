@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from visualization_msgs.msg import Marker as MarkerMessage
 
 from robot_stack.contract import topics
+from robot_stack.contract.faults import split_codes
 from robot_stack.contract.model import System, Topic
 from robot_stack.core.geometry import Pose2
 from robot_stack.middleware.conversions import pose_from_msg
@@ -135,8 +136,7 @@ def _safety(entry: Input) -> Safety | None:
 def _limit(m: Any) -> Limit | None:
     if m is None:
         return None
-    reasons = tuple(part.strip() for part in m.reason.split(",") if part.strip())
-    return Limit(m.max_linear_velocity, m.max_angular_velocity, reasons)
+    return Limit(m.max_linear_velocity, m.max_angular_velocity, split_codes(m.reason))
 
 
 def _ride(m: Any) -> Ride | None:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.contract.faults import split_codes
 from robot_stack.contract.frames import JOINTS
 from robot_stack.contract.model import SafetyAction, SafetyState
 from robot_stack.core.config import load
@@ -176,7 +177,7 @@ class Story:
         if linear_mps is not None:
             assert self.verdict.limit.linear_mps == linear_mps
         if reason is not None:
-            assert self.verdict.reason == reason
+            assert self.verdict.limit.codes == split_codes(reason)
         if action is not None:
             assert self.verdict.action is action
         return self

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_stack.contract.faults import FAULTS
+from robot_stack.contract.faults import FAULTS, split_codes
 from robot_stack.contract.model import SafetyAction, SafetyState
-from robot_stack.core.limits import STANDSTILL, SpeedLimit
+from robot_stack.core.limits import STANDSTILL, SafetyLimit, SpeedLimit
 from robot_stack.safety.arbiter import Verdict, arbitrate
 from robot_stack.safety.rows import ActiveRow
 
@@ -33,9 +33,8 @@ def verdict(
     faults: str,
     limit: tuple[float, float],
     reason: str,
-    hard: bool = False,
 ) -> Verdict:
-    return Verdict(action, state, tuple(faults.split()), SpeedLimit(*limit), reason, hard)
+    return Verdict(action, state, tuple(faults.split()), SafetyLimit(*limit, split_codes(reason)))
 
 
 @pytest.mark.parametrize(
@@ -50,12 +49,12 @@ def verdict(
         (
             [STOP, SLOW],
             None,
-            verdict(SafetyAction.STOP, SafetyState.COLLISION_AVOIDANCE, "STOP SLOW", (0, 0), "STOP", True),
+            verdict(SafetyAction.STOP, SafetyState.COLLISION_AVOIDANCE, "STOP SLOW", (0, 0), "STOP"),
         ),
         (
             [STAND, NEAR],
             None,
-            verdict(SafetyAction.STOP, SafetyState.COLLISION_AVOIDANCE, "STAND NEAR", (0, 0), "STAND", True),
+            verdict(SafetyAction.STOP, SafetyState.COLLISION_AVOIDANCE, "STAND NEAR", (0, 0), "STAND"),
         ),
         (
             [LOST, NEAR],
@@ -71,9 +70,7 @@ def verdict(
         (
             [ESTOP, STOP, WARN],
             PASSENGER,
-            verdict(
-                SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, "ESTOP STOP WARN", (0, 0), "ESTOP,STOP", True
-            ),
+            verdict(SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, "ESTOP STOP WARN", (0, 0), "ESTOP,STOP"),
         ),
     ],
 )
@@ -89,45 +86,45 @@ def test_a_way_into_the_unseen_limits_and_is_no_fault(
     rows: list[ActiveRow], passenger: SpeedLimit | None, reason: str
 ) -> None:
     now = arbitrate(rows, OWN, passenger, SpeedLimit(0.4, 0.6))
-    assert (now.limit.linear_mps, now.reason) == (0.4, reason)
+    assert (now.limit.linear_mps, now.limit.codes) == (0.4, split_codes(reason))
     assert now.faults == tuple(row.code for row in rows)
 
 
 def test_undocking_is_a_limit_and_no_fault() -> None:
     now = arbitrate([], OWN, PASSENGER, None, SpeedLimit(0.15, 0.1))
     assert now == verdict(SafetyAction.NONE, SafetyState.NORMAL, "", (0.15, 0.1), "UNDOCKING")
-    assert arbitrate([STOP], OWN, PASSENGER, None, SpeedLimit(0.15, 0.1)).reason == "STOP"
+    assert arbitrate([STOP], OWN, PASSENGER, None, SpeedLimit(0.15, 0.1)).limit.codes == ("STOP",)
 
 
 def test_stale_sight_is_a_limit_and_no_fault_and_at_zero_a_hard_stop() -> None:
     now = arbitrate([], OWN, PASSENGER, stale_sight=SpeedLimit(0.3, 0.2))
     assert now == verdict(SafetyAction.NONE, SafetyState.NORMAL, "", (0.3, 0.2), "SIGHT_STALE")
     now = arbitrate([], OWN, PASSENGER, stale_sight=SpeedLimit(0.0, 0.0))
-    assert now == verdict(SafetyAction.NONE, SafetyState.NORMAL, "", (0.0, 0.0), "SIGHT_STALE", True)
-    assert not arbitrate([LOST], OWN, PASSENGER, stale_sight=SpeedLimit(0.3, 0.2)).hard
-    both = arbitrate([LOST], OWN, PASSENGER, stale_sight=SpeedLimit(0.0, 0.0))
-    assert (both.reason, both.hard) == ("LOCALIZATION_LOST,SIGHT_STALE", True)
+    assert now == verdict(SafetyAction.NONE, SafetyState.NORMAL, "", (0.0, 0.0), "SIGHT_STALE")
+    assert now.limit.is_hard_stop()
+    assert not arbitrate([LOST], OWN, PASSENGER, stale_sight=SpeedLimit(0.3, 0.2)).limit.is_hard_stop()
+    both = arbitrate([LOST], OWN, PASSENGER, stale_sight=SpeedLimit(0.0, 0.0)).limit
+    assert (both.codes, both.is_hard_stop()) == (("LOCALIZATION_LOST", "SIGHT_STALE"), True)
 
 
 def test_a_limit_without_a_number_is_a_stop() -> None:
-    assert arbitrate([replace(SLOW, limit=None)], OWN, None).limit == SpeedLimit(0.0, 0.0)
+    assert arbitrate([replace(SLOW, limit=None)], OWN, None).limit.usable() == (0.0, 0.0)
 
 
 def test_a_limit_above_the_robots_own_changes_nothing() -> None:
-    verdict = arbitrate([replace(SLOW, limit=SpeedLimit(9.0, 9.0))], OWN, None)
-    assert (verdict.limit, verdict.reason) == (OWN, "")
+    assert arbitrate([replace(SLOW, limit=SpeedLimit(9.0, 9.0))], OWN, None).limit == SafetyLimit(1.5, 1.0)
 
 
 @pytest.mark.parametrize("limit", [SpeedLimit(1.5, 0.5), SpeedLimit(0.5, 1.0)])
 def test_a_limit_equal_to_the_robots_own_is_no_reason(limit: SpeedLimit) -> None:
     same = replace(SLOW, code="SAME", limit=OWN)
     tight = replace(SLOW, code="TIGHT", limit=limit)
-    assert arbitrate([same], OWN, None).reason == ""
-    assert arbitrate([same, tight], OWN, None).reason == "TIGHT"
+    assert arbitrate([same], OWN, None).limit.codes == ()
+    assert arbitrate([same, tight], OWN, None).limit.codes == ("TIGHT",)
 
 
 def test_a_stop_ignores_a_number_that_comes_with_it() -> None:
-    assert arbitrate([replace(STOP, limit=SpeedLimit(0.7, 0.7))], OWN, None).limit == SpeedLimit(0.0, 0.0)
+    assert arbitrate([replace(STOP, limit=SpeedLimit(0.7, 0.7))], OWN, None).limit.usable() == (0.0, 0.0)
 
 
 def _rows() -> st.SearchStrategy[list[ActiveRow]]:
@@ -164,13 +161,18 @@ def test_a_stop_is_hard_unless_every_row_that_stops_is_gentle(rows: list[ActiveR
     verdict = arbitrate(rows, OWN, PASSENGER)
     standing = [row for row in rows if row.action >= SafetyAction.STOP or (row.limit or STANDSTILL).linear_mps == 0.0]
     standing = [row for row in standing if row.action >= SafetyAction.LIMIT]
-    assert verdict.hard == any(row.code not in ("LOCALIZATION_LOST", "SLOPE") for row in standing)
+    assert verdict.limit.is_hard_stop() == any(row.code not in ("LOCALIZATION_LOST", "SLOPE") for row in standing)
+
+
+@given(_rows(), st.text())
+def test_a_text_decides_nothing(rows: list[ActiveRow], detail: str) -> None:
+    assert arbitrate([replace(row, detail=detail) for row in rows], OWN, PASSENGER) == arbitrate(rows, OWN, PASSENGER)
 
 
 @given(_rows())
 def test_stop_means_zero_and_zero_has_a_reason(rows: list[ActiveRow]) -> None:
     verdict = arbitrate(rows, OWN, None)
     if verdict.action >= SafetyAction.STOP:
-        assert verdict.limit == SpeedLimit(0.0, 0.0)
+        assert verdict.limit.usable() == (0.0, 0.0)
     if verdict.limit.linear_mps < OWN.linear_mps:
-        assert verdict.reason
+        assert verdict.limit.codes

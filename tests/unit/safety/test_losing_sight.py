@@ -38,7 +38,7 @@ def test_a_lidar_that_falls_silent_is_a_hard_stop(sensor: str, row: str) -> None
     story = riding()
     setattr(story, sensor, None)
     story.run(0.6).expect(DEGRADED, (row,), linear_mps=0.0)
-    assert story.verdict.hard
+    assert story.verdict.limit.is_hard_stop()
 
 
 def test_stale_sight_brakes_hard_before_the_row_is_raised() -> None:
@@ -46,10 +46,10 @@ def test_stale_sight_brakes_hard_before_the_row_is_raised() -> None:
     story.obstacles = None  # the newest cloud has just arrived
     story.before(SIGHT_STALE_S).expect(NORMAL, (), linear_mps=1.5, reason="")
     story.past().expect(NORMAL, (), linear_mps=0.0, reason="SIGHT_STALE")
-    assert story.verdict.hard
+    assert story.verdict.limit.is_hard_stop()
     story.before(STALE_S - SIGHT_STALE_S - TICK_S).expect(NORMAL, (), linear_mps=0.0, reason="SIGHT_STALE")
     story.past().expect(DEGRADED, ("OBSTACLES_TIMEOUT",), linear_mps=0.0)
-    assert story.verdict.hard
+    assert story.verdict.limit.is_hard_stop()
 
 
 def test_one_cloud_ends_the_limit_of_stale_sight() -> None:
@@ -78,7 +78,7 @@ def test_with_stale_sight_a_slow_robot_may_be_as_fast_as_where_nothing_is_seen()
     story.run(SIGHT_STALE_S + 0.02).expect(NORMAL, (), linear_mps=0.3, reason="SIGHT_STALE")
     reach_m = math.hypot(BUMPER_M, ROBOT.footprint.width_m / 2.0)
     assert story.verdict.limit.angular_radps == pytest.approx(0.3 / reach_m)
-    assert not story.verdict.hard
+    assert not story.verdict.limit.is_hard_stop()
     story.run(0.15).expect(DEGRADED, ("OBSTACLES_TIMEOUT",), linear_mps=0.0, reason="OBSTACLES_TIMEOUT")
 
 
@@ -98,7 +98,7 @@ def test_a_steady_clock_that_runs_backwards_is_a_row_at_once() -> None:
     story.tick(-1.0)
     assert "OBSTACLES_TIMEOUT" in story.verdict.faults
     assert story.verdict.limit.linear_mps == 0.0
-    assert story.verdict.hard
+    assert story.verdict.limit.is_hard_stop()
 
 
 def test_without_perception_the_robot_brakes_hard_and_its_last_map_is_judged_until_it_stands() -> None:
@@ -108,7 +108,7 @@ def test_without_perception_the_robot_brakes_hard_and_its_last_map_is_judged_unt
     story.obstacles = None
     story.run(STALE_S + 0.06)
     assert "OBSTACLES_TIMEOUT" in story.verdict.faults
-    assert story.verdict.hard
+    assert story.verdict.limit.is_hard_stop()
     assert "COLLISION_IMMINENT" not in story.verdict.faults
     story.run(2.0)  # the robot does not brake: odometry moves the obstacle nearer
     assert "COLLISION_IMMINENT" in story.verdict.faults

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from robot_stack.core.limits import SpeedLimit
+from robot_stack.core.limits import SafetyLimit
 from robot_stack.safety.button import Contact
 from robot_stack.safety.conditions import CONDITIONS
 from robot_stack.safety.monitor import Memory, SafetyMonitor
@@ -18,14 +18,14 @@ def test_before_its_first_step_nobody_knows_the_nearest_obstacle() -> None:
 
 
 def test_the_limit_that_is_watched_is_the_one_that_is_published(monkeypatch: pytest.MonkeyPatch) -> None:
-    """This includes the hard flag: answering a hard stop with a gentle one is a fault."""
+    """This includes its codes: answering a hard stop with a gentle one is a fault."""
     story = Story().healthy()
-    watched: list[tuple[SpeedLimit, bool, float]] = []
+    watched: list[tuple[SafetyLimit, float]] = []
     monkeypatch.setattr(story.monitor.observation, "limited", lambda *limit: watched.append(limit))
     story.tick()
-    assert watched == [(story.verdict.limit, False, story.now_s)]
+    assert watched == [(story.verdict.limit, story.now_s)]
     story.estop(True)
-    assert watched[1:] == [(SpeedLimit(0.0, 0.0), True, story.now_s)]
+    assert watched[1:] == [(SafetyLimit(0.0, 0.0, ("ESTOP_PRESSED",)), story.now_s)]
 
 
 def test_rows_in_the_order_of_the_contract() -> None:

@@ -13,7 +13,7 @@ from robot_stack.contract import topics
 from robot_stack.contract.frames import JOINTS
 from robot_stack.contract.model import SafetyState
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
-from robot_stack.core.limits import SpeedLimit
+from robot_stack.core.limits import SafetyLimit
 from robot_stack.core.robot import Robot
 from robot_stack.safety.button import Contact
 from robot_stack.safety.conditions import stale_s
@@ -24,7 +24,7 @@ from robot_stack.safety.stop_sources import Press
 from tests.unit.safety.story import NOBODY, NOTHING, PARAMS, ROBOT, Story
 
 PRESSES = (Press("touch_ui", 17),)
-FAST = SpeedLimit(1.5, 1.5)
+FAST = SafetyLimit(1.5, 1.5)
 
 
 def observation(*, passenger: bool = False, robot: Robot = ROBOT) -> Observation:
@@ -58,7 +58,7 @@ def too_fast_after_s(found: Observation, *, hard: bool) -> float:
     for tick in range(1000):
         now_s = 0.01 * tick
         found.joint_states(JOINTS, [0.0] * len(JOINTS), velocity, now_s)
-        found.limited(FAST if tick < 10 else SpeedLimit(0.0, 0.0), hard, now_s)
+        found.limited(FAST if tick < 10 else SafetyLimit(0.0, 0.0, ("TILT" if hard else "SLOPE",)), now_s)
         if found.snapshot(False, now_s).overspeed.level is Level.PRESENT:
             return now_s
     pytest.fail("nobody has noticed")

@@ -217,7 +217,7 @@ def test_the_monitor_slows_and_stops_for_who_comes_from_the_side() -> None:
     story.moving = who(0.0, 0.9, 0.0, -1.3).astype(np.float32)
     story.run(0.1)
     assert story.verdict.action is SafetyAction.STOP
-    assert story.verdict.hard
+    assert story.verdict.limit.is_hard_stop()
     assert story.monitor.details["COLLISION_IMMINENT"] == "somebody walks into the way"
     story.moving = np.empty((0, 5), np.float32)
     story.run(1.0).expect(SafetyState.NORMAL)
@@ -231,7 +231,7 @@ def test_while_nobody_says_who_comes_the_robot_is_as_slow_as_where_nothing_is_se
     story.moving = None
     story.run(0.5)
     assert story.verdict.limit.linear_mps == pytest.approx(PARAMS.collision.unseen_mps)
-    assert story.verdict.reason == "WAY_UNSEEN"
+    assert story.verdict.limit.codes == ("WAY_UNSEEN",)
     story.moving = np.array([[math.nan] * 5], np.float32)
     story.run(0.5)
-    assert story.verdict.reason == "WAY_UNSEEN"
+    assert story.verdict.limit.codes == ("WAY_UNSEEN",)

@@ -465,7 +465,7 @@ def test_a_dead_process_acts_by_its_criticality(dead: set[str], action: SafetyAc
     story.beating -= dead
     story.before(1.0).expect(NORMAL).past().expect(DEGRADED, ("NODE_DEAD",), linear_mps=linear_mps, action=action)
     assert story.monitor.details["NODE_DEAD"] == f"no heartbeat of {', '.join(n for n in WATCHED if n in dead)}"
-    assert story.verdict.reason == ("" if action is SafetyAction.WARN else "NODE_DEAD")
+    assert story.verdict.limit.codes == (() if action is SafetyAction.WARN else ("NODE_DEAD",))
     story.beating |= dead
     story.tick().expect(NORMAL, ())
 
@@ -748,7 +748,7 @@ def test_the_nearer_the_slower_and_then_a_stop() -> None:
     assert story.verdict.limit.linear_mps == pytest.approx(0.32)
     story.obstacles = _wall(0.9)
     story.run(0.1).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
-    assert story.verdict.reason == "COLLISION_IMMINENT"
+    assert story.verdict.limit.codes == ("COLLISION_IMMINENT",)
     assert story.monitor.details["COLLISION_IMMINENT"] == "collision in 0.9 s"
 
 
