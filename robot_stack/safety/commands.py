@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from robot_stack.contract import topics
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.core.twist_limits import limit_speed
 from robot_stack.safety.timing import age_s
 
 # Highest first, as the drive arbitrates.
-SOURCES = ("/teleop/cmd_vel", "/docking/cmd_vel", "/cmd_vel")
+SOURCES = (topics.TELEOP_CMD_VEL.name, topics.DOCKING_CMD_VEL.name, topics.CMD_VEL.name)
 # Of a faster command only the direction counts, as in the drive [m/s, rad/s].
 _FASTEST = 100.0
 

@@ -31,26 +31,6 @@ def estop_pressed(now: Snapshot, params: SafetyParams, active_action: SafetyActi
     return _present(_EMERGENCY, now.estop) if now.estop else CLEAR
 
 
-def chair_loose(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """The latch releases a wheelchair. Judged by ``ChairWatch``."""
-    return now.chair_loose
-
-
-def latch_not_closed(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """A wheelchair is attached that the latch does not hold. Judged by ``ChairWatch``."""
-    return now.latch_not_closed
-
-
-def drive_fault(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """Judged by ``DriveWatch``."""
-    return now.drive
-
-
-def steering_fault(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """A module does not follow its commanded heading. Judged by ``SteeringWatch``."""
-    return now.steering
-
-
 def joint_states_timeout(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """Stale joint states. Until they have come up, the robot waits but nothing is latched within the start-up grace."""
     if now.joint_states_age_s <= stale_s(topics.JOINT_STATES):
@@ -61,11 +41,6 @@ def joint_states_timeout(now: Snapshot, params: SafetyParams, active_action: Saf
     return _present(_EMERGENCY, detail)
 
 
-def overspeed(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """Faster than the speed limit permits. Judged by ``OverspeedWatch``."""
-    return now.overspeed
-
-
 def tilt(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """About to tip over."""
     if math.isnan(now.inclination_rad):
@@ -73,11 +48,6 @@ def tilt(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Fi
     if not now.inclination_rad > math.radians(params.tilt_clear_deg if active_action else params.tilt_stop_deg):
         return CLEAR
     return _present(_EMERGENCY, f"inclination {math.degrees(now.inclination_rad):.1f} deg")
-
-
-def slope(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
-    """Too steep to drive fast, or anywhere but downhill. Judged by ``SlopeWatch``."""
-    return now.slope
 
 
 def imu_timeout(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
@@ -257,15 +227,16 @@ def ui_link_lost(now: Snapshot, params: SafetyParams, active_action: SafetyActio
     return _lost(now.ui_silent_s, topics.UI_HEARTBEAT, "no page of the touch screen")
 
 
+# Findings that a watch with a memory has made already (``robot_stack.safety.inputs.Snapshot``) pass unchanged.
 CONDITIONS: Mapping[str, Condition] = {
     "ESTOP_PRESSED": estop_pressed,
-    "CHAIR_LOOSE": chair_loose,
-    "DRIVE_FAULT": drive_fault,
-    "STEERING_FAULT": steering_fault,
+    "CHAIR_LOOSE": lambda now, *_: now.chair_loose,
+    "DRIVE_FAULT": lambda now, *_: now.drive,
+    "STEERING_FAULT": lambda now, *_: now.steering,
     "JOINT_STATES_TIMEOUT": joint_states_timeout,
-    "OVERSPEED": overspeed,
+    "OVERSPEED": lambda now, *_: now.overspeed,
     "TILT": tilt,
-    "LATCH_NOT_CLOSED": latch_not_closed,
+    "LATCH_NOT_CLOSED": lambda now, *_: now.latch_not_closed,
     "COLLISION_IMMINENT": collision_imminent,
     "OBSTACLE_NEAR": obstacle_near,
     "LIDAR_TIMEOUT": lidar_timeout,
@@ -274,7 +245,7 @@ CONDITIONS: Mapping[str, Condition] = {
     "IMU_TIMEOUT": imu_timeout,
     "CAMERA_TIMEOUT": camera_timeout,
     "NODE_DEAD": node_dead,
-    "SLOPE": slope,
+    "SLOPE": lambda now, *_: now.slope,
     "LATCH_NOT_STORED": latch_not_stored,
     "BATTERY_LOW": battery_low,
     "BATTERY_CRITICAL": battery_critical,
