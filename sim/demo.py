@@ -19,6 +19,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from robot_stack.contract.model import SafetyState
+from robot_stack.contract.states import ENDED, MissionState
 from robot_stack.core.config import ConfigError
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
@@ -52,7 +54,7 @@ _PATIENCE_S = 60.0  # of the world's time without progress
 _SETTLE_S = 30.0
 _STOP_S = 2.0  # standing for so long is told as a stop
 _RECORDING_S = 15.0  # a ride without a recording is better than none
-_OVER = ("COMPLETED", "FAILED", "ABORTED", "IDLE")
+_OVER = ENDED | {MissionState.IDLE}
 
 
 class DemoError(Exception):
@@ -211,7 +213,7 @@ def _settle(observer: Any) -> None:
     begun_s = observer.world_s
     while not observer.may_move():
         observer.wait(observer.may_move, 1.0)
-        if observer.world_s - begun_s > _SETTLE_S or observer.safety.safety_state == "EMERGENCY_STOP":
+        if observer.world_s - begun_s > _SETTLE_S or observer.safety.safety_state == SafetyState.EMERGENCY_STOP.name:
             faults = ", ".join(observer.safety.active_faults) or "no fault is shown"
             raise DemoError(
                 f"the robot may not move before the mission starts: {observer.safety.safety_state} ({faults}); "
@@ -234,7 +236,7 @@ def _report(options: argparse.Namespace, mission: Mission, folder: Path, ride: R
         touched=ride.touched,
     )
     _plot(options.world, mission, folder, ride, result)
-    arrived = outcome.state == "COMPLETED"
+    arrived = outcome.state == MissionState.COMPLETED
     print(result_line(arrived, outcome.reason, result.figures))
     if not arrived:
         print(_evidence(folder))

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.contract.states import DockingState
 from robot_stack.core.departure import SETTING_OUT, Departure
 from robot_stack.core.docks import Dock
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
@@ -29,7 +30,7 @@ from robot_stack.docking.phases.staging import BackToStaging, DriveToStaging
 from robot_stack.docking.results import Code, DockCode, Failure, Result, UndockCode
 from robot_stack.docking.sighting import Marker
 from robot_stack.docking.situation import Output, Situation, Step, View
-from robot_stack.docking.states import State, Trigger, target_of
+from robot_stack.docking.states import Trigger, target_of
 
 _WAYS = {"front": 1.0, "rear": -1.0}
 # States that start motion from standstill. FINE_ALIGN continues SERVOING, so slowly that it looks like standing.
@@ -76,7 +77,7 @@ class DockingController:
         self._departure = departure
         self._keeper = LatchKeeper()
         self._guard = Guard(params, undocking=False)
-        self._state = State.IDLE
+        self._state = DockingState.IDLE
         self._phase: Phase = _Idle()
         self._dock_id = ""
         self._dock: Dock | None = None
@@ -88,7 +89,7 @@ class DockingController:
         self._text = "idle"
 
     @property
-    def state(self) -> State:
+    def state(self) -> DockingState:
         return self._state
 
     @property
@@ -123,7 +124,7 @@ class DockingController:
             return Result(DockCode.BUSY, f"busy: {self._text}")
         if self._keeper.attached:
             return Result(DockCode.ALREADY_ATTACHED, "a wheelchair is attached already")
-        if self._state is State.DOCKED:
+        if self._state is DockingState.DOCKED:
             return Result(DockCode.ALREADY_ATTACHED, f"docked at {self._dock_id!r}: undock first")
         if self._keeper.attached is None:
             return Result(DockCode.LATCH_FAILED, "the latch's inputs cannot be read")
@@ -150,7 +151,7 @@ class DockingController:
         p, twist, safety = self._params.undock, situation.twist, situation.safety
         if self.busy:
             return Result(UndockCode.BUSY, f"busy: {self._text}")
-        if not self._keeper.attached and self._state is not State.DOCKED:
+        if not self._keeper.attached and self._state is not DockingState.DOCKED:
             return Result(UndockCode.NOT_ATTACHED, "nothing is attached")
         if safety.emergency or not safety.known:
             return Result(UndockCode.SAFETY_STOP, "emergency stop" if safety.known else "no fresh /safety/status")
@@ -239,7 +240,7 @@ class DockingController:
         )
 
     def _latch(self, step: Step, view: View) -> LatchCommand:
-        before = self.busy and self._state in (State.APPROACH, State.SEARCH)
+        before = self.busy and self._state in (DockingState.APPROACH, DockingState.SEARCH)
         return LatchCommand.OPEN if before and self._must_open(view) else step.latch
 
     def _must_open(self, view: View) -> bool:
@@ -294,7 +295,7 @@ class DockingController:
         assert self._dock is not None
         back = self.tracker.dock_pose_in_odom()
         phase: Phase = DriveToStaging(self._dock.staging.pose(), self._params.staging, only=False)
-        if back is not None and self._state is not State.APPROACH:
+        if back is not None and self._state is not DockingState.APPROACH:
             phase = BackToStaging(back, self._params.staging, self._params.motion)
         self._tries += 1
         self.tracker.forget()
@@ -332,8 +333,8 @@ class DockingController:
         may_open = self.undocking or (isinstance(self._phase, Latching) and self._phase.opening)
         let_go = self._keeper.update(situation.latch, may_open=may_open)
         if let_go:
-            self._state, self._phase = State.FAILED, _Idle(_LET_GO)
-        elif self._keeper.holding and not self.busy and self._state is State.IDLE:
+            self._state, self._phase = DockingState.FAILED, _Idle(_LET_GO)
+        elif self._keeper.holding and not self.busy and self._state is DockingState.IDLE:
             self._enter(Trigger.ATTACHED, Latched("docked"))
         return let_go
 
@@ -366,9 +367,9 @@ class DockingController:
 
     def _progress(self, position_error_m: float) -> float:
         """1 at the dock pose, 0 at staging and before."""
-        if self._state is State.DOCKED:
+        if self._state is DockingState.DOCKED:
             return 1.0
-        if not math.isfinite(position_error_m) or self._state not in (State.SERVOING, State.FINE_ALIGN):
+        if not math.isfinite(position_error_m) or self._state not in (DockingState.SERVOING, DockingState.FINE_ALIGN):
             return 0.0
         return max(0.0, 1.0 - position_error_m / self._params.staging.distance_m)
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
+from robot_stack.contract.states import DockingState
 from robot_stack.docking.params import DockingParams
 from robot_stack.docking.results import DockCode, Failure, UndockCode
 from robot_stack.docking.situation import Situation
-from robot_stack.docking.states import State
 
 # Odometry that is silent for this many of its timeouts counts as lost.
 _LOST_FACTOR = 5.0
-_SEEING = (State.SEARCH, State.SERVOING, State.FINE_ALIGN)
+_SEEING = (DockingState.SEARCH, DockingState.SERVOING, DockingState.FINE_ALIGN)
 
 
 class Guard:
@@ -23,7 +23,7 @@ class Guard:
     def begin_try(self) -> None:
         self._try_s = 0.0
 
-    def check(self, situation: Situation, state: State, dt_s: float) -> Failure | None:
+    def check(self, situation: Situation, state: DockingState, dt_s: float) -> Failure | None:
         """The failure of the job (or, TIMEOUT, of its present try), if there is one."""
         safety, p = situation.safety, self._params
         self._count(situation, state, dt_s)
@@ -36,7 +36,7 @@ class Guard:
             return self._failure(DockCode.LOCALIZATION_LOST, UndockCode.INTERNAL_ERROR, "no fresh /odom")
         if self._undocking or state not in _SEEING:
             return None
-        if state is not State.SEARCH and situation.latch.known and not situation.latch.open:
+        if state is not DockingState.SEARCH and situation.latch.known and not situation.latch.open:
             return Failure(DockCode.LATCH_FAILED, "the latch is not open before the dock", final=True)
         if "CAMERA_TIMEOUT" in safety.faults or self._blind_s > p.detections_timeout_s:
             return Failure(DockCode.CAMERA_TIMEOUT, "no new camera images", final=True)
@@ -44,7 +44,7 @@ class Guard:
             return Failure(DockCode.TIMEOUT, f"not docked {p.try_timeout_s:.0f} s after staging")
         return None
 
-    def _count(self, situation: Situation, state: State, dt_s: float) -> None:
+    def _count(self, situation: Situation, state: DockingState, dt_s: float) -> None:
         seeing = state in _SEEING
         self._try_s = self._try_s + dt_s if seeing else self._try_s
         self._held_s = self._held_s + dt_s if held(situation) else 0.0

@@ -6,10 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from robot_stack.contract.states import DockingState
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.docking.latch import LatchCommand, LatchInputs
 from robot_stack.docking.results import Failure, Result
-from robot_stack.docking.states import State, Trigger
+from robot_stack.docking.states import Trigger
 from robot_stack.docking.target import Estimate
 
 
@@ -91,7 +92,7 @@ class Output:
     goal. result: of the docking or undocking that has just ended. emergency: the robot must stop for good.
     """
 
-    state: State
+    state: DockingState
     text: str
     twist: Twist2 | None
     latch: LatchCommand

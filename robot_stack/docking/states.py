@@ -4,19 +4,8 @@ from __future__ import annotations
 
 from enum import Enum
 
+from robot_stack.contract.states import DockingState
 from robot_stack.core.transitions import Transition, rows, table_of
-
-
-class State(Enum):
-    """As in DockingStatus. SERVOING also while the robot backs off from an opened latch."""
-
-    IDLE = "IDLE"
-    APPROACH = "APPROACH"  # to the staging pose, by navigation or backwards from a failed try
-    SEARCH = "SEARCH"
-    SERVOING = "SERVOING"
-    FINE_ALIGN = "FINE_ALIGN"
-    DOCKED = "DOCKED"  # at the dock pose; latching, latched or unlatching
-    FAILED = "FAILED"
 
 
 class Trigger(Enum):
@@ -36,30 +25,36 @@ class Trigger(Enum):
     ATTACHED = "found with a closed latch"
 
 
-_RESTING = (State.IDLE, State.DOCKED, State.FAILED)
-ACTIVE = (State.APPROACH, State.SEARCH, State.SERVOING, State.FINE_ALIGN, State.DOCKED)
+_RESTING = (DockingState.IDLE, DockingState.DOCKED, DockingState.FAILED)
+ACTIVE = (
+    DockingState.APPROACH,
+    DockingState.SEARCH,
+    DockingState.SERVOING,
+    DockingState.FINE_ALIGN,
+    DockingState.DOCKED,
+)
 
 
-TRANSITIONS: tuple[Transition[State, Trigger], ...] = (
-    *rows((State.IDLE, State.FAILED), Trigger.DOCK, State.APPROACH),
-    *rows((State.APPROACH,), Trigger.STAGED, State.SEARCH),
-    *rows((State.APPROACH,), Trigger.STAGED_ONLY, State.IDLE),
-    *rows((State.SEARCH,), Trigger.FOUND, State.SERVOING),
-    *rows((State.SERVOING,), Trigger.NEAR, State.FINE_ALIGN),
-    *rows((State.FINE_ALIGN,), Trigger.ALIGNED, State.DOCKED),
-    *rows((State.SERVOING, State.FINE_ALIGN), Trigger.LOST, State.SEARCH),
-    *rows(ACTIVE, Trigger.TRY_FAILED, State.APPROACH),
-    *rows(_RESTING, Trigger.UNDOCK, State.DOCKED),
-    *rows((State.DOCKED,), Trigger.UNLATCHED, State.SERVOING),
-    *rows((State.SERVOING,), Trigger.CLEAR, State.IDLE),
-    *rows(ACTIVE, Trigger.GAVE_UP, State.FAILED),
-    *rows(ACTIVE, Trigger.CANCELLED, State.IDLE),
-    *rows((State.IDLE,), Trigger.ATTACHED, State.DOCKED),
+TRANSITIONS: tuple[Transition[DockingState, Trigger], ...] = (
+    *rows((DockingState.IDLE, DockingState.FAILED), Trigger.DOCK, DockingState.APPROACH),
+    *rows((DockingState.APPROACH,), Trigger.STAGED, DockingState.SEARCH),
+    *rows((DockingState.APPROACH,), Trigger.STAGED_ONLY, DockingState.IDLE),
+    *rows((DockingState.SEARCH,), Trigger.FOUND, DockingState.SERVOING),
+    *rows((DockingState.SERVOING,), Trigger.NEAR, DockingState.FINE_ALIGN),
+    *rows((DockingState.FINE_ALIGN,), Trigger.ALIGNED, DockingState.DOCKED),
+    *rows((DockingState.SERVOING, DockingState.FINE_ALIGN), Trigger.LOST, DockingState.SEARCH),
+    *rows(ACTIVE, Trigger.TRY_FAILED, DockingState.APPROACH),
+    *rows(_RESTING, Trigger.UNDOCK, DockingState.DOCKED),
+    *rows((DockingState.DOCKED,), Trigger.UNLATCHED, DockingState.SERVOING),
+    *rows((DockingState.SERVOING,), Trigger.CLEAR, DockingState.IDLE),
+    *rows(ACTIVE, Trigger.GAVE_UP, DockingState.FAILED),
+    *rows(ACTIVE, Trigger.CANCELLED, DockingState.IDLE),
+    *rows((DockingState.IDLE,), Trigger.ATTACHED, DockingState.DOCKED),
 )
 
 _TABLE = table_of(TRANSITIONS)
 
 
-def target_of(state: State, trigger: Trigger) -> State:
+def target_of(state: DockingState, trigger: Trigger) -> DockingState:
     """The state that ``trigger`` leads to. Raises KeyError for a trigger that is not valid in ``state``."""
     return _TABLE[state, trigger]

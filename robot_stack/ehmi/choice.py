@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from robot_stack.contract.display import Display
+from robot_stack.contract.states import DockingState, MissionState
 
 
 class Safety(Enum):
@@ -42,18 +43,18 @@ _WITH_PASSENGER = {
     Display.NAVIGATING: Display.TRANSPORT,
     Display.APPROACHING_CHAIR: Display.TRANSPORT,
 }
-_OF_DOCKING = {
-    "APPROACH": Display.APPROACHING_CHAIR,
-    "SEARCH": Display.DOCKING,
-    "SERVOING": Display.DOCKING,
-    "FINE_ALIGN": Display.DOCKING,
-    "FAILED": Display.DOCKING_FAILED,
+_OF_DOCKING: dict[str, Display] = {
+    DockingState.APPROACH: Display.APPROACHING_CHAIR,
+    DockingState.SEARCH: Display.DOCKING,
+    DockingState.SERVOING: Display.DOCKING,
+    DockingState.FINE_ALIGN: Display.DOCKING,
+    DockingState.FAILED: Display.DOCKING_FAILED,
 }
-_OF_MISSION = {
-    "RUNNING": Display.NAVIGATING,
-    "WAITING": Display.PAUSED,
-    "PAUSED": Display.PAUSED,
-    "FAILED": Display.ERROR,
+_OF_MISSION: dict[str, Display] = {
+    MissionState.RUNNING: Display.NAVIGATING,
+    MissionState.WAITING: Display.PAUSED,
+    MissionState.PAUSED: Display.PAUSED,
+    MissionState.FAILED: Display.ERROR,
 }
 
 
@@ -76,4 +77,5 @@ def _guess(situation: Situation) -> Display:
     mission = _OF_MISSION.get(situation.mission)
     if mission is not None:
         return mission
-    return Display.DOCKING_COMPLETE if situation.docking == "DOCKED" and not situation.passenger else Display.IDLE
+    docked = situation.docking == DockingState.DOCKED
+    return Display.DOCKING_COMPLETE if docked and not situation.passenger else Display.IDLE

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-_DOCKING = {
-    "APPROACH": "driving up to the wheelchair",
-    "SEARCH": "looking for the wheelchair's markers",
-    "SERVOING": "docking to the wheelchair",
-    "FINE_ALIGN": "docking, the last centimetres",
-    "FAILED": "docking failed",
+from robot_stack.contract.states import DockingState, MissionState
+
+_DOCKING: dict[str, str] = {
+    DockingState.APPROACH: "driving up to the wheelchair",
+    DockingState.SEARCH: "looking for the wheelchair's markers",
+    DockingState.SERVOING: "docking to the wheelchair",
+    DockingState.FINE_ALIGN: "docking, the last centimetres",
+    DockingState.FAILED: "docking failed",
 }
-_MISSION = {
-    "IDLE": "waiting",
-    "PAUSED": "paused",
-    "COMPLETED": "done",
-    "FAILED": "the mission failed",
-    "ABORTED": "aborted",
+_MISSION: dict[str, str] = {
+    MissionState.IDLE: "waiting",
+    MissionState.PAUSED: "paused",
+    MissionState.COMPLETED: "done",
+    MissionState.FAILED: "the mission failed",
+    MissionState.ABORTED: "aborted",
 }
 
 

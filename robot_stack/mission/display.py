@@ -9,15 +9,13 @@ from collections import deque
 from dataclasses import dataclass
 
 from robot_stack.contract.display import Display
+from robot_stack.contract.states import ALIGNING, DOCKING, DockingState
 from robot_stack.core.mission import Kind
 from robot_stack.mission.docking import Task
 from robot_stack.mission.events import Inputs
 from robot_stack.mission.guards import stopping_faults
 from robot_stack.mission.record import Record
 from robot_stack.mission.states import AT_DOCK, UNDER_WAY, State
-
-# States of /docking/status, and of the action's feedback, in which the robot aims at a board.
-_ALIGNING = frozenset({"SEARCH", "SERVOING", "FINE_ALIGN"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +56,7 @@ def announced_at_end_of(task: Task, docking_state: str) -> tuple[Display, ...]:
     """Announcements for a task that succeeded. docking_state: of the last feedback."""
     if task.kind is Kind.DOCK:
         # "Docking complete" is already shown since the docking controller reported DOCKED.
-        complete = () if docking_state == "DOCKED" and task.carried else (Display.DOCKING_COMPLETE,)
+        complete = () if docking_state == DockingState.DOCKED and task.carried else (Display.DOCKING_COMPLETE,)
         return (*complete, Display.PASSENGER_ONBOARD) if task.carried else complete
     return (Display.PASSENGER_DISEMBARK,) if task.carried else ()
 
@@ -137,9 +135,9 @@ def _under_way(record: Record, docking: Docking) -> Display:
     task = docking.task
     to_a_chair = task is not None and task.carried and task.kind is Kind.DOCK
     if record.state is State.DOCKING:
-        if docking.state == "DOCKED":
+        if docking.state == DockingState.DOCKED:
             return Display.DOCKING_COMPLETE
-        if docking.state in _ALIGNING:
+        if docking.state in ALIGNING:
             return Display.DOCKING
     if record.state is State.UNDOCKING and task is not None and task.carried:
         return Display.PASSENGER_DISEMBARK
@@ -151,10 +149,10 @@ def _under_way(record: Record, docking: Docking) -> Display:
 def _by_hand(record: Record, inputs: Inputs, *, setting_out: bool, waiting: bool, moving: bool) -> Display | None:
     """Without a mission the robot may still move autonomously: by an operator's docking request or goal."""
     aboard = record.passenger_attached
-    if inputs.docking_state == "APPROACH" or inputs.docking_state in _ALIGNING:
+    if inputs.docking_state in DOCKING:
         if aboard:  # it backs off from the wheelchair
             return Display.PASSENGER_DISEMBARK
-        approaching = setting_out or inputs.docking_state == "APPROACH"
+        approaching = setting_out or inputs.docking_state == DockingState.APPROACH
         return Display.APPROACHING_CHAIR if approaching else Display.DOCKING
     driving = Display.TRANSPORT if aboard else Display.NAVIGATING
     if setting_out:
@@ -169,8 +167,8 @@ def _at_rest(record: Record, inputs: Inputs, battery_low: bool) -> Display:
         return Display.DESTINATION_REACHED if record.state is State.COMPLETED else Display.PASSENGER_ONBOARD
     if inputs.charging:
         return Display.CHARGING
-    if inputs.docking_state == "DOCKED":
+    if inputs.docking_state == DockingState.DOCKED:
         return Display.DOCKING_COMPLETE
-    if inputs.docking_state == "FAILED":
+    if inputs.docking_state == DockingState.FAILED:
         return Display.DOCKING_FAILED
     return Display.LOW_BATTERY if battery_low else Display.IDLE

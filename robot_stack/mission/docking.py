@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import Enum
 
+from robot_stack.contract.states import DOCKING
 from robot_stack.core.mission import Kind
 from robot_stack.mission import route
 from robot_stack.mission.events import (
@@ -25,8 +26,6 @@ from robot_stack.mission.params import MissionParams
 from robot_stack.mission.record import Record
 
 _SERVER = "docking_controller"
-# States of /docking/status in which another client's goal moves the robot.
-_BUSY = frozenset({"APPROACH", "SEARCH", "SERVOING", "FINE_ALIGN"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +184,7 @@ class DockingCalls:
     def _awaited(self, inputs: Inputs) -> str:
         if not inputs.docking_served or not inputs.docking_state:
             return _SERVER
-        if self._open is not None or inputs.docking_state in _BUSY:
+        if self._open is not None or inputs.docking_state in DOCKING:  # also by another client's goal
             return f"{_SERVER} to end what it was doing"
         return "" if route.standing(inputs.twist, self._params) else "the robot to stand"
 

@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass, replace
 
 from robot_stack.contract.display import Display
+from robot_stack.contract.states import MissionState
 from robot_stack.mission import route
 from robot_stack.mission.display import Docking, display_of
 from robot_stack.mission.events import Inputs, Status
@@ -17,7 +18,11 @@ from robot_stack.mission.states import ACTIVE, UNDER_WAY, State
 _SLOWEST_ETA_MPS = 0.1
 
 # States without a constant in MissionStatus; the reason shows the difference.
-_SHOWN_AS = {State.STOPPED: State.PAUSED, State.DOCKING: State.RUNNING, State.UNDOCKING: State.RUNNING}
+_SHOWN_AS = {
+    State.STOPPED: MissionState.PAUSED,
+    State.DOCKING: MissionState.RUNNING,
+    State.UNDOCKING: MissionState.RUNNING,
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +66,8 @@ def build(
     announced: Display | None,
 ) -> Status:
     """The status: ``reasons`` are joined for people, the rest is for the external display (``display_of``)."""
-    state = _SHOWN_AS.get(record.state, record.state)
     return Status(
-        state=state.value,
+        state=_SHOWN_AS.get(record.state) or MissionState(record.state.value),
         mission=record.mission,
         current_waypoint=record.current.name if record.current else "",
         waypoints_completed=min(record.waypoint, len(record.stops)),

@@ -5,9 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from robot_stack.contract.states import DockingState
+
 IMAGE_TYPE = "sensor_msgs/msg/Image"
-# States of /docking/status in which no docking is under way; DOCKED lasts for the whole ride with a chair.
-_AT_REST = frozenset({"IDLE", "DOCKED", "FAILED"})
+# States in which no docking is under way; DOCKED lasts for the whole ride with a chair.
+_AT_REST = frozenset({DockingState.IDLE, DockingState.DOCKED, DockingState.FAILED})
 
 
 @dataclass(slots=True)

@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass, field
 
 from robot_stack.contract.model import SafetyState
+from robot_stack.contract.states import ACTIVE
 
-# States of /mission/status with an active mission.
-_ACTIVE = frozenset({"RUNNING", "WAITING", "PAUSED"})
 # Names in /robot_status for the states of /safety/status; it has no COLLISION_AVOIDANCE.
 _SHOWN = {state.name: state.name for state in SafetyState} | {
     SafetyState.COLLISION_AVOIDANCE.name: SafetyState.DEGRADED.name
@@ -53,7 +52,7 @@ class Mission:
 
 def current_mission(state: str, mission: Mission) -> Mission:
     """``mission`` while /mission/status shows ``state`` of an active mission, else none."""
-    return mission if state in _ACTIVE else Mission()
+    return mission if state in ACTIVE else Mission()
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,12 +7,18 @@ from typing import Any
 
 from robot_stack.contract.faults import BY_CODE
 from robot_stack.contract.model import SafetyState
+from robot_stack.contract.states import ACTIVE, MissionState
 from robot_stack.ui.snapshot import Docking, Limit, Ride, Safety, Snapshot
 
 Section = dict[str, Any]
-# States of /mission/status during a ride or a pause of it.
-_ACTIVE = ("RUNNING", "WAITING", "PAUSED")
 _PLAN_POINTS_MAX = 200
+# Texts for a robot that stands because of its ride.
+_STANDS_BY_RIDE: dict[str, str] = {
+    MissionState.PAUSED: "PAUSED",
+    MissionState.WAITING: "WAITING",
+    MissionState.FAILED: "RIDE_FAILED",
+    MissionState.ABORTED: "RIDE_ENDED",
+}
 
 
 def sections(snapshot: Snapshot) -> dict[str, Section]:
@@ -93,8 +99,7 @@ def standing_reasons(snapshot: Snapshot) -> list[str]:
         return ["BY_HAND"]
     if snapshot.ride is None:
         return ["NO_MISSION_MANAGER"]
-    by_state = {"PAUSED": "PAUSED", "WAITING": "WAITING", "FAILED": "RIDE_FAILED", "ABORTED": "RIDE_ENDED"}
-    reason = by_state.get(snapshot.ride.state)
+    reason = _STANDS_BY_RIDE.get(snapshot.ride.state)
     return [reason] if reason else []
 
 
@@ -141,7 +146,7 @@ def _ride(ride: Ride | None) -> Section:
     return {
         "known": True,
         "state": ride.state,
-        "active": ride.state in _ACTIVE,
+        "active": ride.state in ACTIVE,
         "mission": ride.mission_id,
         "waypoint": ride.waypoint,
         "completed": ride.completed,

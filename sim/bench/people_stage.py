@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 import numpy as np
 
 from robot_stack.contract import topics
+from robot_stack.contract.states import DockingState
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.robot import Robot, load_robot
 from robot_stack.drive.arbitration import Source
@@ -169,7 +170,7 @@ class Stage:
         observation = self.monitor.observation
         observation.commands.limited(self.body.set_point, self.now_s)
         if self.dock is not None:
-            observation.docking("FINE_ALIGN", self.now_s)
+            observation.docking(DockingState.FINE_ALIGN, self.now_s)
             observation.surroundings.dock(self.dock.relative_to(self.body.pose), 0.0, self.now_s)
         verdict = self.verdict = self.monitor.step(self.now_s)
         if self._guarded:

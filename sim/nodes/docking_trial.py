@@ -9,6 +9,7 @@ from rclpy.action import ActionClient
 from custom_msgs.action import Dock
 from robot_stack.cli.nodes.operator_commands import reset
 from robot_stack.contract import actions
+from robot_stack.contract.model import SafetyState
 from robot_stack.core.geometry import Pose2
 from sim.nodes.mission_observer import MissionObserver
 from sim.run.ride import carriage
@@ -34,11 +35,11 @@ def dock_live(dock_id: str, dock_pose: Pose2, limit_s: float) -> LiveOutcome:
     with MissionObserver() as observer:
         observer.board()
         if (
-            observer.safety is not None and observer.safety.safety_state == "EMERGENCY_STOP"
+            observer.safety is not None and observer.safety.safety_state == SafetyState.EMERGENCY_STOP.name
         ):  # a busy start latches a stop
             reset(_ANSWER_S)
         if not observer.wait(
-            lambda: observer.safety is not None and observer.safety.safety_state == "NORMAL", _ANSWER_S
+            lambda: observer.safety is not None and observer.safety.safety_state == SafetyState.NORMAL.name, _ANSWER_S
         ):
             raise TimeoutError("the robot may not move")
         client = ActionClient(observer.operator.node, Dock, actions.DOCK.name)

@@ -8,6 +8,8 @@ from typing import Any, TextIO
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from robot_stack.contract.model import SafetyState
+from robot_stack.contract.states import DockingState
 from robot_stack.core.world_clock import slow_text
 
 MOVING_MPS = 0.05
@@ -57,7 +59,7 @@ class _Lines:
 
     def show(self, observer: Any) -> None:
         mission, safety = observer.mission, observer.safety
-        stopped, waiting = safety.safety_state == "EMERGENCY_STOP", bool(observer.waiting_for)
+        stopped, waiting = safety.safety_state == SafetyState.EMERGENCY_STOP.name, bool(observer.waiting_for)
         now = (mission.state, mission.current_waypoint, doing(observer), stopped, waiting)
         if now == self._told and time.monotonic() - self._told_s < _TELL_EVERY_S:
             return
@@ -71,15 +73,16 @@ class _Lines:
 
 def doing(observer: Any) -> str:
     """Activity of docking and wheelchair; empty without either."""
-    docking = observer.docking.state if observer.docking is not None else "IDLE"
-    return {"IDLE": "", "DOCKED": "with passenger"}.get(docking, docking)
+    docking = observer.docking.state if observer.docking is not None else DockingState.IDLE
+    shown: dict[str, str] = {DockingState.IDLE: "", DockingState.DOCKED: "with passenger"}
+    return shown.get(docking, docking)
 
 
 def describe_step(observer: Any) -> str:
     """The present activity, for a short line."""
     safety, speed_mps = observer.safety, observer.ride.samples[-1].speed_mps
     parts = [f"to {observer.mission.current_waypoint or '-'}", doing(observer), f"{speed_mps:.1f} m/s"]
-    if safety.safety_state != "NORMAL":
+    if safety.safety_state != SafetyState.NORMAL.name:
         parts.append(f"{safety.safety_state}: {', '.join(safety.active_faults)}")
     return "  ".join(filter(None, [*parts, _world(observer), _advice(observer)]))
 
@@ -100,5 +103,5 @@ def _world(observer: Any) -> str:
 
 
 def _advice(observer: Any) -> str:
-    stopped = observer.safety.safety_state == "EMERGENCY_STOP"
+    stopped = observer.safety.safety_state == SafetyState.EMERGENCY_STOP.name
     return "`robot-stack reset`, then `robot-stack mission resume`" if stopped else ""

@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.contract.states import DOCKING, DockingState, MissionState
 from robot_stack.core.geometry import Pose2, wrap_angle
 
 # A plan that takes over on the move begins where the robot will be: until it is there, the old one counts as well.
 _HANDOVER_S = 0.5
-# States of /docking/status in which it docks.
-_DOCKING = ("APPROACH", "SEARCH", "SERVOING", "FINE_ALIGN")
 
 Line = NDArray[np.float64]
 """(n, 2) points x, y in m, map frame."""
@@ -131,7 +130,7 @@ def carriage(ride: Ride, dock_pose: Pose2, destination: Pose2 | None) -> Carriag
     if not ride.wheelchair:
         return None
     chairs = [pose for _, pose in ride.wheelchair]
-    docked_s = next((time_s for time_s, state in ride.docking if state == "DOCKED"), math.nan)
+    docked_s = next((time_s for time_s, state in ride.docking if state == DockingState.DOCKED), math.nan)
     docked = beside = Pose2(math.nan, math.nan, math.nan)
     if math.isfinite(docked_s):
         robot = min(ride.samples, key=lambda sample: abs(sample.time_s - docked_s)).pose
@@ -169,16 +168,16 @@ def stops(ride: Ride, standing_mps: float, least_s: float) -> list[Stop]:
 def arrivals(steps: Sequence[Step]) -> list[tuple[str, float]]:
     """Each waypoint and when the mission went on from it, s, in order."""
     done = [(a.waypoint, b.time_s) for a, b in itertools.pairwise(steps) if a.waypoint and a.waypoint != b.waypoint]
-    last = next((step for step in steps if step.state == "COMPLETED"), None)
+    last = next((step for step in steps if step.state == MissionState.COMPLETED), None)
     return done if last is None or (done and done[-1][1] == last.time_s) else [*done, (last.waypoint, last.time_s)]
 
 
 def _why(ride: Ride, begin_s: float, end_s: float) -> str:
     """The gravest that was said while it stood: a stop of the safety monitor, docking, the mission's own words."""
     held = [reason for time_s, speed_mps, reason in _during(ride.limits, begin_s, end_s) if speed_mps <= 0.0]
-    docking = [state for _, state in _during(ride.docking, begin_s, end_s) if state in _DOCKING]
+    docking = [state for _, state in _during(ride.docking, begin_s, end_s) if state in DOCKING]
     steps = [step for _, step in _during([(step.time_s, step) for step in ride.steps], begin_s, end_s)]
-    telling = [step for step in steps if step.state != "RUNNING"] or steps[:1]
+    telling = [step for step in steps if step.state != MissionState.RUNNING] or steps[:1]
     said = [step.reason for step in steps if step.reason] or [f"{s.state.lower()} at {s.waypoint}" for s in telling]
     if held:
         return f"stopped: {', '.join(dict.fromkeys(filter(None, held))) or 'no reason given'}"

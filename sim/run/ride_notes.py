@@ -15,6 +15,7 @@ from std_msgs.msg import String
 from custom_msgs.msg import DockingStatus, MissionStatus, SafetyStatus, VelocityLimit
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
+from robot_stack.contract.states import DOCKING
 from robot_stack.middleware.conversions import pose_from_msg, pose_from_transform, time_to_s
 from sim.run.ride import Ride, Sample, Step
 from tf2_msgs.msg import TFMessage
@@ -62,7 +63,7 @@ class RideNotes:
 
     def docking_now(self) -> bool:
         """True during a docking, in which the robot may stand for a while."""
-        return self.docking is not None and self.docking.state not in ("IDLE", "DOCKED", "FAILED")
+        return self.docking is not None and self.docking.state in DOCKING
 
     def begin(self) -> None:
         """The ride begins with the newest sample; what was noted before is dropped."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
+from robot_stack.contract.states import MissionState
 from robot_stack.core.config import ConfigError, config_dir, validate
 from robot_stack.core.mission_library import MissionError, MissionLibrary
 from sim.run.scenario import Scenario, load_named_scenario
@@ -16,7 +17,10 @@ _MISSION: Final = "mission:"
 _WORLD: Final = "yard"
 _SEED: Final = 1
 _LIMIT_S: Final = 1800.0
-_ARRIVED: Final = [{"figure": "mission_state", "equals": "COMPLETED"}, {"figure": "touched", "equals": ""}]
+_ARRIVED: Final = [
+    {"figure": "mission_state", "equals": MissionState.COMPLETED.value},
+    {"figure": "touched", "equals": ""},
+]
 
 
 def choose_scenario(name: str, seed: int | None = None, world: str | None = None) -> tuple[Scenario, str]:

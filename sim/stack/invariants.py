@@ -19,7 +19,7 @@ from typing import Any, Final
 
 from custom_msgs.msg import MissionStatus, UICommand
 from robot_stack.contract import faults, topics
-from robot_stack.contract.model import EVERY_NODE, Criticality, SafetyAction, System, Topic
+from robot_stack.contract.model import EVERY_NODE, Criticality, SafetyAction, SafetyState, System, Topic
 from robot_stack.contract.processes import BY_NAME, HEARTBEAT_STALE_S
 from robot_stack.core.config import load
 from robot_stack.core.robot import Motion
@@ -48,7 +48,7 @@ _ENDED = (LifeChange.STOPPED, LifeChange.KILLED, LifeChange.CRASHED, LifeChange.
 _UNDER_WAY = (MissionStatus.RUNNING, MissionStatus.WAITING, MissionStatus.PAUSED)
 _MONITOR: Final = "safety_monitor"
 _MISSIONS: Final = "mission_manager"
-_EMERGENCY: Final = "EMERGENCY_STOP"
+_EMERGENCY: Final = SafetyState.EMERGENCY_STOP.name
 _ROWS = {row.name: row for row in topics.of_system(System.ROBOT, System.SIMULATION)}
 
 # Repeated at their rate, and published at each change beside it.

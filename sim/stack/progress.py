@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from typing import TextIO
 
+from robot_stack.contract.states import DockingState
 from sim.stack.run import ScheduledRun
 
 _LINE_EVERY_S = 10.0
@@ -71,7 +72,7 @@ def describe_run(run: ScheduledRun) -> str:
     if run.scenario.mission is not None and mission is not None:
         parts.append(f"{mission.state} {mission.waypoints_completed}/{mission.total_waypoints}")
         parts.append(f"to {mission.current_waypoint or '-'}")
-    if docking is not None and docking.state != "IDLE":
+    if docking is not None and docking.state != DockingState.IDLE:
         parts.append(docking.state)
     if run.run_log.moments:
         parts.append(f"{run.run_log.moments[-1].twist.speed():.2f} m/s")

@@ -17,6 +17,7 @@ from std_msgs.msg import Bool
 
 from custom_msgs.msg import MissionStatus, SafetyStatus, SwerveModuleCommandArray, UICommand
 from robot_stack.contract import frames, services, topics
+from robot_stack.contract.states import ENDED, DockingState
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.middleware.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg, twist_stamped
 from robot_stack.middleware.emergency_stop import StopSource
@@ -40,7 +41,6 @@ from sim.stack.stack import SimulatedStack, StackSetup
 _READY_S = 60.0
 _TELEOP_PERIOD_S = 0.05
 _PROGRESS_PERIOD_S = 1.0
-_MISSION_OVER = ("COMPLETED", "FAILED", "ABORTED")
 # Distance at which a standing robot counts as having reached its goal.
 _AT_GOAL_M, _AT_GOAL_RAD, _STANDING_MPS = 0.05, math.radians(2.0), 0.005
 
@@ -236,7 +236,7 @@ class ScheduledRun:
         if self._waiting:
             return False
         if self.scenario.mission is not None:
-            return mission is not None and mission.state in _MISSION_OVER and self.now_s > 1.0
+            return mission is not None and mission.state in ENDED and self.now_s > 1.0
         return bool(self.scenario.goals) and not self._goals and self._arrived()
 
     def _every(self, period_s: float, callback: Callable[[], None]) -> None:
@@ -396,7 +396,7 @@ class ScheduledRun:
             return None
         clock_start_ns = self.stack.scheduler.clock_start_ns
         recording = record_run(
-            folder, clock_start_ns, lambda: self.notes.docking.state if self.notes.docking else "IDLE"
+            folder, clock_start_ns, lambda: self.notes.docking.state if self.notes.docking else DockingState.IDLE
         )
         self.stack.scheduler.add_observer(recording)
         return recording

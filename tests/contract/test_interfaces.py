@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from robot_stack.contract.display import Display
+from robot_stack.contract.states import DockingState, MissionState
 from tests.contract.type_hashes import installed
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -121,6 +123,12 @@ def _message(name: str) -> Any:
     return getattr(importlib.import_module("custom_msgs.msg"), name)
 
 
+def _texts(name: str) -> dict[str, str]:
+    """The string constants of a message."""
+    texts = {key: getattr(_message(name), key) for key in dir(_message(name)) if key.isupper()}
+    return {key: text for key, text in texts.items() if isinstance(text, str)}
+
+
 def _parts(path: str) -> list[Any]:
     kind, name = path.split(".")
     interface = getattr(importlib.import_module(f"wmx_ros2_message.{kind}"), name)
@@ -141,11 +149,12 @@ def test_wmx_type_has_the_specified_fields_in_order(path: str) -> None:
 
 @pytest.mark.parametrize("name", CONSTANTS)
 def test_state_constants_carry_their_own_names(name: str) -> None:
-    message = _message(name)
-    texts = {key: getattr(message, key) for key in dir(message) if key.isupper()}
-    constants = {key: text for key, text in texts.items() if isinstance(text, str)}
+    assert _texts(name) == {key: key for key in CONSTANTS[name]}
 
-    assert constants == {key: key for key in CONSTANTS[name]}
+
+@pytest.mark.parametrize(("name", "states"), [("DockingStatus", DockingState), ("MissionStatus", MissionState)])
+def test_states_are_those_of_the_message(name: str, states: type[StrEnum]) -> None:
+    assert {state.value for state in states} == set(_texts(name).values())
 
 
 def test_ehmi_states_are_numbered_as_specified() -> None:

@@ -10,11 +10,11 @@ from builtin_interfaces.msg import Time
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
+from robot_stack.contract.states import DockingState
 from robot_stack.core.config import load
 from robot_stack.core.geometry import Pose2
 from robot_stack.docking.nodes.outputs import DockingOutputs
 from robot_stack.docking.params import DockingParams
-from robot_stack.docking.states import State
 from robot_stack.docking.target import Estimate
 from robot_stack.middleware.conversions import pose_from_msg
 
@@ -40,15 +40,15 @@ class FakeNode:
 BASE, DOCK = Pose2(1.0, 1.0, 0.5 * math.pi), Estimate(Pose2(1.0, 3.0, 0.5 * math.pi), 0.01, 0.01)
 
 
-@pytest.mark.parametrize("state", list(State))
-def test_only_while_the_robot_moves_into_the_dock(state: State) -> None:
+@pytest.mark.parametrize("state", list(DockingState))
+def test_only_while_the_robot_moves_into_the_dock(state: DockingState) -> None:
     node = FakeNode()
     outputs = DockingOutputs(node, load(DockingParams, "docking_controller"))  # type: ignore[arg-type]
     outputs.target(state, DOCK, BASE)
     outputs.target(state, None, BASE)
     outputs.target(state, DOCK, None)
     sent = node.published[topics.DOCKING_TARGET.name]
-    assert len(sent) == (1 if state in (State.SERVOING, State.FINE_ALIGN) else 0)
+    assert len(sent) == (1 if state in (DockingState.SERVOING, DockingState.FINE_ALIGN) else 0)
     for message in sent:
         pose = pose_from_msg(message.pose)
         assert (pose.x, pose.y, pose.yaw) == pytest.approx((2.0, 0.0, 0.0), abs=1e-9)

@@ -19,7 +19,7 @@ from std_msgs.msg import Bool
 from custom_msgs.msg import SafetyStatus, SwerveModuleCommandArray
 from robot_stack.bench.framework import BenchError
 from robot_stack.contract import frames, services, topics
-from robot_stack.contract.model import Topic
+from robot_stack.contract.model import SafetyState, Topic
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.middleware.emergency_stop import StopSource
 from robot_stack.ros import transport
@@ -119,7 +119,9 @@ class StopLatencyMeter:
         self._wait(self._inject.service_is_ready, "the simulation's fault service")
         if self._stopped():
             self.release()
-        self._wait(lambda: self._safety and self._safety.safety_state == "NORMAL", "a robot that may move")
+        self._wait(
+            lambda: self._safety and self._safety.safety_state == SafetyState.NORMAL.name, "a robot that may move"
+        )
 
     def drive(self, speed_mps: float) -> None:
         """Returns when the robot has driven at the speed (negative: backwards) for a moment.

@@ -7,22 +7,22 @@ from std_msgs.msg import Bool
 
 from custom_msgs.msg import EHMIState, LatchStatus
 from robot_stack.contract import frames, topics
+from robot_stack.contract.states import DockingState
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.docking.nodes.messages import status
 from robot_stack.docking.params import DockingParams
 from robot_stack.docking.situation import Output
-from robot_stack.docking.states import State
 from robot_stack.docking.target import Estimate
 from robot_stack.middleware.conversions import pose_stamped, twist_stamped
 from robot_stack.middleware.node import StackNode
 
 _DISPLAYS = {
-    State.APPROACH: EHMIState.APPROACHING_CHAIR,
-    State.SEARCH: EHMIState.DOCKING,
-    State.SERVOING: EHMIState.DOCKING,
-    State.FINE_ALIGN: EHMIState.DOCKING,
-    State.DOCKED: EHMIState.DOCKING_COMPLETE,
-    State.FAILED: EHMIState.DOCKING_FAILED,
+    DockingState.APPROACH: EHMIState.APPROACHING_CHAIR,
+    DockingState.SEARCH: EHMIState.DOCKING,
+    DockingState.SERVOING: EHMIState.DOCKING,
+    DockingState.FINE_ALIGN: EHMIState.DOCKING,
+    DockingState.DOCKED: EHMIState.DOCKING_COMPLETE,
+    DockingState.FAILED: EHMIState.DOCKING_FAILED,
 }
 
 
@@ -84,12 +84,12 @@ class DockingOutputs:
         message.header.stamp, message.header.frame_id = self._node.stamp(), frames.BASE_LINK
         self._latch.publish(message)
 
-    def target(self, state: State, dock: Estimate | None, base: Pose2 | None) -> None:
+    def target(self, state: DockingState, dock: Estimate | None, base: Pose2 | None) -> None:
         """Publishes the dock's present frame in base_link while the robot moves into the dock.
 
         dock, base: both in odom; None while unknown.
         """
-        if state in (State.SERVOING, State.FINE_ALIGN) and dock is not None and base is not None:
+        if state in (DockingState.SERVOING, DockingState.FINE_ALIGN) and dock is not None and base is not None:
             pose = dock.pose.relative_to(base)
             self._target.publish(pose_stamped(pose, frames.BASE_LINK, self._node.stamp()))
 

@@ -13,7 +13,7 @@ from typing import Any
 
 from robot_stack.contract import topics
 from robot_stack.contract.frames import FRONT_CAMERA, REAR_CAMERA
-from robot_stack.docking.states import State
+from robot_stack.contract.states import DockingState
 from robot_stack.docking.tools.samples import (
     effort_of,
     lens_of,
@@ -31,8 +31,8 @@ Decode = Callable[[], Any]
 
 DETECTOR = "aruco_detector"
 CONTROLLER = "docking_controller"
-_REST = frozenset({State.IDLE.value, State.FAILED.value})
-_DOCKED = State.DOCKED.value
+_REST = frozenset({DockingState.IDLE, DockingState.FAILED})
+_DOCKED = DockingState.DOCKED
 _CAMERAS = {
     topics.FRONT_IMAGE.name: FRONT_CAMERA,
     topics.REAR_IMAGE.name: REAR_CAMERA,
@@ -122,7 +122,7 @@ class Collector:
             return False
         if self._open is not None and not self._open.after:
             return False
-        return state == State.APPROACH.value if before == _DOCKED else before in _REST or before == ""
+        return state == DockingState.APPROACH if before == _DOCKED else before in _REST or before == ""
 
     def _begin(self, at_s: float, before: str) -> None:
         if self._open is not None:
@@ -141,7 +141,7 @@ class Collector:
                 self._end(trace, _DOCKED, self._docked_s)
         elif state in _REST:
             self._end(trace, state, at_s)
-        elif before == _DOCKED and state == State.SERVOING.value:
+        elif before == _DOCKED and state == DockingState.SERVOING:
             self._end(trace, _DOCKED, self._docked_s)  # undocked at once
 
     def _end(self, trace: Trace, state: str, at_s: float) -> None:

@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from robot_stack.docking.states import State
+from robot_stack.contract.states import DockingState
 from robot_stack.docking.tools.trace import Trace
 from robot_stack.docking.tools.verdict import Limits
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-_BANDS = {
-    State.APPROACH.value: "#dfe7f2",
-    State.SEARCH.value: "#fbe9c6",
-    State.SERVOING.value: "#d8ecd9",
-    State.FINE_ALIGN.value: "#b9dcc0",
-    State.DOCKED.value: "#c9c3e6",
+_BANDS: dict[str, str] = {
+    DockingState.APPROACH: "#dfe7f2",
+    DockingState.SEARCH: "#fbe9c6",
+    DockingState.SERVOING: "#d8ecd9",
+    DockingState.FINE_ALIGN: "#b9dcc0",
+    DockingState.DOCKED: "#c9c3e6",
 }
 _LINE, _OTHER, _LIMIT = "#1f5fbf", "#e08a00", "#b3261e"
 # A logarithmic axis has no zero.

@@ -8,8 +8,8 @@ from functools import partial
 from statistics import median
 from typing import Any
 
+from robot_stack.contract.states import DockingState
 from robot_stack.core.docks import Docks
-from robot_stack.docking.states import State
 from robot_stack.docking.tools.trace import Safety, Spell, Trace, spells
 from robot_stack.docking.tools.verdict import Finding, Limits, judge
 
@@ -82,7 +82,7 @@ def _dock(trace: Trace, docks: Docks) -> str | None:
 def _tries(trace: Trace) -> int:
     """Each way back to staging is another one."""
     states = [spell.value for spell in trace.states()]
-    return 1 + states[1:].count(State.APPROACH.value)
+    return 1 + states[1:].count(DockingState.APPROACH)
 
 
 def _errors(trace: Trace) -> dict[str, float | None]:
@@ -99,7 +99,7 @@ def _errors(trace: Trace) -> dict[str, float | None]:
 
 def _markers(trace: Trace) -> dict[str, Any]:
     visible = [
-        item.visible for item in trace.statuses if item.state != State.APPROACH.value and item.at_s <= trace.end_s
+        item.visible for item in trace.statuses if item.state != DockingState.APPROACH and item.at_s <= trace.end_s
     ]
     ids = sorted({marker.marker_id for marker in trace.markers})
     by_id = {number: [marker.quality for marker in trace.markers if marker.marker_id == number] for number in ids}

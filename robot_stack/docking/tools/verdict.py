@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from robot_stack.contract.frames import FRONT_CAMERA, REAR_CAMERA
-from robot_stack.docking.states import State
+from robot_stack.contract.states import ALIGNING, DockingState
 from robot_stack.docking.tools.collector import DETECTOR
 from robot_stack.docking.tools.trace import Spell, Status, Trace, silences, spells
 
@@ -57,7 +57,7 @@ def judge(trace: Trace, limits: Limits) -> Verdict:
     length_s = trace.end_s - trace.start_s
     at_end = tuple(item for item in found if item.end_s >= length_s - limits.at_end_s)
     before = tuple(sorted((item for item in found if item not in at_end), key=lambda item: item.start_s))
-    if trace.after == State.DOCKED.value:
+    if trace.after == DockingState.DOCKED:
         return Verdict(True, _success(trace), (), (*before, *at_end))
     causes = at_end or tuple(_stuck(trace, limits))
     reason = causes[0].text if causes else "nothing in the recording tells why"
@@ -73,9 +73,9 @@ def _end_in_words(trace: Trace) -> str:
     states = trace.states()
     last = states[-1].value if states else trace.before or "nowhere"
     length_s = trace.end_s - trace.start_s
-    if trace.after == State.FAILED.value:
+    if trace.after == DockingState.FAILED:
         return f"failed in {last} after {length_s:.1f} s"
-    if trace.after == State.IDLE.value:
+    if trace.after == DockingState.IDLE:
         return f"ended in {last} after {length_s:.1f} s without failing (cancelled, or no more was asked for)"
     return f"the recording ends in {last} after {length_s:.1f} s"
 
@@ -130,15 +130,15 @@ def _unlatched(trace: Trace, _: Limits) -> list[Finding]:
     """DOCKED that was left for another try or for good: the latch did not close, or opened again."""
     states = [*trace.states(), Spell(trace.end_s, trace.end_s, trace.after)]
     return [
-        _since(trace, spell, f"the latch did not confirm: {State.DOCKED.value}")
+        _since(trace, spell, f"the latch did not confirm: {DockingState.DOCKED}")
         for spell, after in pairwise(states)
-        if spell.value == State.DOCKED.value and after.value != State.DOCKED.value
+        if spell.value == DockingState.DOCKED and after.value != DockingState.DOCKED
     ]
 
 
 def _moved(trace: Trace, limits: Limits) -> list[Finding]:
     """The error jumped while the robot was aligning: the dock moved, or another pose was accepted."""
-    aligning = (State.SERVOING.value, State.FINE_ALIGN.value)
+    aligning = (DockingState.SERVOING, DockingState.FINE_ALIGN)
     found = []
     for before, after in pairwise(trace.statuses):
         jump_m = after.error_m - before.error_m
@@ -151,9 +151,8 @@ def _moved(trace: Trace, limits: Limits) -> list[Finding]:
 
 def _lost(trace: Trace, limits: Limits) -> list[Finding]:
     """No marker in the image in states that need one."""
-    looking = (State.SEARCH.value, State.SERVOING.value, State.FINE_ALIGN.value)
     before_end = [item for item in trace.statuses if item.at_s < trace.end_s]
-    blind = spells(before_end, lambda item: item.visible == 0 and item.state in looking, trace.end_s)
+    blind = spells(before_end, lambda item: item.visible == 0 and item.state in ALIGNING, trace.end_s)
     ever = any(item.visible for item in trace.statuses)
     text = "markers lost" if ever else "no marker was found"
     return [_since(trace, spell, text) for spell in blind if spell.value and spell.duration_s > limits.lost_s]
@@ -190,10 +189,10 @@ def _stuck(trace: Trace, limits: Limits) -> list[Finding]:
         return []
     last, start_s, end_s = states[-1], states[-1].start_s - trace.start_s, trace.end_s - trace.start_s
     inside = [item for item in trace.statuses if last.start_s <= item.at_s < trace.end_s]
-    if last.value == State.APPROACH.value:
+    if last.value == DockingState.APPROACH:
         return [_since(trace, last, "the staging pose was not reached")]
     known = [item for item in inside if math.isfinite(item.error_m) and math.isfinite(item.yaw_rad)]
-    if last.value not in (State.SERVOING.value, State.FINE_ALIGN.value) or not known:
+    if last.value not in (DockingState.SERVOING, DockingState.FINE_ALIGN) or not known:
         return []
     if known[-1].error_m < limits.aligned_m and abs(known[-1].yaw_rad) < limits.aligned_rad:
         return [Finding(start_s, end_s, f"aligned with {_errors(known)}, but not for long enough")]

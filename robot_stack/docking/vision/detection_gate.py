@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import math
 
-from robot_stack.docking.states import State
-
-_SEARCHING = (State.APPROACH.value, State.SEARCH.value, State.SERVOING.value, State.FINE_ALIGN.value)
+from robot_stack.contract.states import DOCKING, DockingState
 
 
 class DetectionGate:
@@ -21,7 +19,7 @@ class DetectionGate:
 
         state: of /docking/status, empty while stale. now_s: steady seconds.
         """
-        if state in _SEARCHING:
+        if state in DOCKING:
             self._wanted_s = now_s
             return True
-        return state == State.DOCKED.value and now_s - self._wanted_s <= self._linger_s
+        return state == DockingState.DOCKED and now_s - self._wanted_s <= self._linger_s

@@ -9,13 +9,13 @@ from typing import Any
 
 from custom_msgs.action import Dock, Undock
 from robot_stack.contract import actions
+from robot_stack.contract.states import DockingState
 from robot_stack.core.mission import Kind
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.port import ActionClient, CancelAnswer, ClientGoal, GoalStatus
 from robot_stack.mission.events import DockingAccepted, DockingEnded, DockingEvent, DockingFeedback
 
 _SAFETY_STOPS = {Kind.DOCK: Dock.Result.SAFETY_STOP, Kind.UNDOCK: Undock.Result.SAFETY_STOP}
-_IDLE = "IDLE"  # of /docking/status
 _RESULTS = {Kind.DOCK: Dock.Result, Kind.UNDOCK: Undock.Result}
 # Period of result requests for an unconfirmed goal: a request can be lost while a new process is being discovered.
 _ASK_S = 1.0
@@ -93,7 +93,7 @@ class DockingClient:
                 self._clients[kind].cancel_all(stamp)
                 del self._cancel_before[kind]
         heard = bool(state)
-        self._doubted |= (heard and not self._heard) or state == _IDLE
+        self._doubted |= (heard and not self._heard) or state == DockingState.IDLE
         self._heard = heard
         if heard and self._doubted:
             self._ask(now_s)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from robot_stack.contract.states import ENDED
 from robot_stack.ui import protocol as p
 from robot_stack.ui import view
 from robot_stack.ui.nodes.audit_file import AuditFile
@@ -20,7 +21,6 @@ _SECTIONS = {
     p.Layer.PEOPLE: view.people_section,
     p.Layer.DISPLAY: view.display_section,
 }
-_ENDS = ("COMPLETED", "ABORTED", "FAILED")
 
 
 class Pages:
@@ -70,7 +70,7 @@ class Pages:
         """Records in the history how rides ended."""
         ride = self._inputs.ride()
         state = ride.state if ride else ""
-        if ride and state != self._ride_state and state in _ENDS and self._ride_state:
+        if ride and state != self._ride_state and state in ENDED and self._ride_state:
             self._history.add("robot", f"mission {ride.mission_id}: {state}", ride.reason)
         self._ride_state = state
 

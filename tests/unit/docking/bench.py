@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from robot_stack.contract import frames
+from robot_stack.contract.states import DockingState
 from robot_stack.core.camera import mounting
 from robot_stack.core.config import load
 from robot_stack.core.departure import Departure, DepartureParams
@@ -22,7 +23,6 @@ from robot_stack.docking.params import DockingParams
 from robot_stack.docking.results import Result
 from robot_stack.docking.sighting import Marker
 from robot_stack.docking.situation import Output, Safety, Situation
-from robot_stack.docking.states import State
 
 TICK_S = 0.05
 _IMAGE_EVERY = 2  # ticks
@@ -91,7 +91,7 @@ class Bench:
         self.now_s = 100.0
         self.ticks = 0
         self.outputs: list[Output] = []
-        self.states: list[State] = []
+        self.states: list[DockingState] = []
         self.results: list[Result] = []
         self.goals: list[Pose2] = []
         self.commands: deque[Twist2] = deque([ZERO_TWIST], maxlen=2)
@@ -112,7 +112,7 @@ class Bench:
         return self.base.relative_to(self.dock_in_odom.compose(self.dock.dock_pose.pose()))
 
     @property
-    def state(self) -> State:
+    def state(self) -> DockingState:
         return self.controller.state
 
     def begin(self) -> Result | None:
@@ -130,7 +130,7 @@ class Bench:
         assert self.run(lambda: len(self.results) > before, limit_s), f"no result: {self.outputs[-1].text}"
         return self.results[-1]
 
-    def reach(self, state: State, limit_s: float = 120.0) -> None:
+    def reach(self, state: DockingState, limit_s: float = 120.0) -> None:
         assert self.run(lambda: self.state is state, limit_s), f"never {state}: {self.outputs[-1].text}"
 
     def docked(self) -> Bench:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from robot_stack.contract.states import DockingState
 from robot_stack.core.config import load
 from robot_stack.core.departure import SETTING_OUT, Departure, DepartureParams
 from robot_stack.core.geometry import ZERO_TWIST
-from robot_stack.docking.states import State
 from tests.unit.docking.bench import TICK_S, Bench, emergency, stopped
 
 PARAMS = load(DepartureParams, "departure")
@@ -78,5 +78,5 @@ def test_an_emergency_stop_and_a_cancel_end_the_warning(stood: Bench) -> None:
     stood.safety = emergency()
     stood.run_to_end()
     stood.step()
-    assert stood.state is State.FAILED
+    assert stood.state is DockingState.FAILED
     assert not stood.departure.warning

@@ -10,15 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robot_stack.contract.states import DockingState
 from robot_stack.core.geometry import Pose2
 from robot_stack.docking.controller import DockingController
 from robot_stack.docking.latch import LatchCommand
 from robot_stack.docking.results import DockCode, UndockCode
 from robot_stack.docking.situation import Safety
-from robot_stack.docking.states import State
 from tests.unit.docking.bench import CAMERAS, Bench, Faults, emergency, params, stopped
 
-SEEING = (State.SEARCH, State.SERVOING, State.FINE_ALIGN)
+SEEING = (DockingState.SEARCH, DockingState.SERVOING, DockingState.FINE_ALIGN)
 
 
 def began(bench: Bench) -> Bench:
@@ -54,7 +54,7 @@ def test_a_docking_passes_its_states_in_order(name: str) -> None:
     result = bench.run_to_end()
     assert result.success
     assert result.tries == 1
-    assert bench.states[1:] == [State.SEARCH, State.SERVOING, State.FINE_ALIGN, State.DOCKED]
+    assert bench.states[1:] == [*SEEING, DockingState.DOCKED]
     assert math.hypot(bench.error.x, bench.error.y) < 0.002
     assert abs(bench.error.yaw) < math.radians(0.3)
     assert bench.outputs[-1].attached is (name == "chair_1")
@@ -84,7 +84,7 @@ def test_from_anywhere_around_staging_it_docks_smoothly(
     motion = params().motion
     fastest = math.hypot(motion.along_mps, motion.across_mps) + motion.max_correction_mps
     assert max(twist.speed() for twist in twists) <= fastest + 1e-9
-    near = [o for o in bench.outputs if o.twist is not None and o.state is State.FINE_ALIGN]
+    near = [o for o in bench.outputs if o.twist is not None and o.state is DockingState.FINE_ALIGN]
     assert max(o.twist.speed() for o in near if o.twist) <= motion.final_mps + motion.max_correction_mps + 1e-9
     assert all(twist.is_finite() for twist in twists)
 
@@ -107,7 +107,7 @@ def test_approach_only_ends_at_staging() -> None:
     assert bench.goals[-1] == bench.dock.staging.pose()
     bench.at_staging = True
     assert bench.run_to_end().success
-    assert bench.state is State.IDLE
+    assert bench.state is DockingState.IDLE
     assert bench.outputs[-1].cancel_goal
 
 
@@ -129,7 +129,7 @@ def test_undocking_backs_off_straight_and_then_detaches() -> None:
     assert bench.outputs[-1].attached is False
     attached = [output.attached for output in bench.outputs]
     assert attached[-2] is True  # the passenger counts until the robot is clear of the dock
-    assert bench.state is State.IDLE
+    assert bench.state is DockingState.IDLE
 
 
 def test_from_a_station_it_leaves_forwards_without_a_latch() -> None:
@@ -145,7 +145,7 @@ def test_a_latch_found_closed_means_a_passenger() -> None:
     bench = Bench()
     bench.latch_position = 8
     bench.step()
-    assert bench.state is State.DOCKED
+    assert bench.state is DockingState.DOCKED
     assert bench.outputs[-1].attached is True
     assert bench.controller.undock(bench.situation()) is None
     assert bench.run_to_end().success
@@ -204,14 +204,14 @@ def test_undocking_from_nothing_is_refused() -> None:
 # --- disturbances -----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("state", [State.APPROACH, *SEEING, State.DOCKED])
-def test_an_emergency_stop_ends_a_docking_in_every_state(state: State) -> None:
-    bench = begun_far() if state is State.APPROACH else began(Bench())
+@pytest.mark.parametrize("state", [DockingState.APPROACH, *SEEING, DockingState.DOCKED])
+def test_an_emergency_stop_ends_a_docking_in_every_state(state: DockingState) -> None:
+    bench = begun_far() if state is DockingState.APPROACH else began(Bench())
     bench.reach(state)
     bench.safety = emergency()
     result = bench.run_to_end(1.0)
     assert result.code is DockCode.SAFETY_STOP
-    assert bench.state is State.FAILED
+    assert bench.state is DockingState.FAILED
     bench.run(lambda: False, 1.0)
     assert stands(bench)
     assert bench.outputs[-1].text == "emergency stop"
@@ -236,28 +236,28 @@ def test_an_emergency_stop_ends_an_undocking_with_the_passenger_still_counted(ph
 
 
 @pytest.mark.parametrize("state", SEEING)
-def test_a_dead_camera_ends_a_docking(state: State) -> None:
+def test_a_dead_camera_ends_a_docking(state: DockingState) -> None:
     bench = Bench()
-    if state is State.SEARCH:
+    if state is DockingState.SEARCH:
         bench.faults.blind = True
     began(bench)
     bench.reach(state)
     bench.faults.camera_dead = True
     assert bench.run_to_end(2.0).code is DockCode.CAMERA_TIMEOUT
-    assert bench.state is State.FAILED
+    assert bench.state is DockingState.FAILED
     bench.run(lambda: False, 1.0)
     assert stands(bench)
 
 
 def test_the_safety_monitors_camera_timeout_ends_a_docking() -> None:
     bench = began(Bench())
-    bench.reach(State.SERVOING)
+    bench.reach(DockingState.SERVOING)
     bench.safety = Safety(known=True, faults=("CAMERA_TIMEOUT",))
     assert bench.run_to_end(1.0).code is DockCode.CAMERA_TIMEOUT
 
 
-@pytest.mark.parametrize("state", [State.SERVOING, State.FINE_ALIGN])
-def test_markers_out_of_sight_for_a_second_only_make_it_wait(state: State) -> None:
+@pytest.mark.parametrize("state", [DockingState.SERVOING, DockingState.FINE_ALIGN])
+def test_markers_out_of_sight_for_a_second_only_make_it_wait(state: DockingState) -> None:
     bench = began(Bench())
     bench.reach(state)
     bench.faults.blind = True
@@ -271,9 +271,9 @@ def test_markers_out_of_sight_for_a_second_only_make_it_wait(state: State) -> No
 
 def test_markers_lost_for_long_are_searched_for_away_from_the_dock() -> None:
     bench = began(Bench())
-    bench.reach(State.FINE_ALIGN)
+    bench.reach(DockingState.FINE_ALIGN)
     bench.faults.blind = True
-    bench.reach(State.SEARCH, 6.0)
+    bench.reach(DockingState.SEARCH, 6.0)
     turned = bench.run(lambda: abs(bench.commands[-1].omega) > 0.3, 20.0)
     assert turned
     assert -bench.error.x >= params().search.clear_m - 0.05  # turning beside the dock would cause a collision
@@ -296,7 +296,7 @@ def test_markers_that_are_nowhere_end_after_three_searches_of_one_turn() -> None
 
 def test_a_dock_that_is_moved_is_docked_to_in_another_try() -> None:
     bench = began(Bench())
-    bench.reach(State.FINE_ALIGN)
+    bench.reach(DockingState.FINE_ALIGN)
     bench.dock_in_odom = bench.dock_in_odom.compose(Pose2(0.0, 0.2, 0.0))
     assert bench.run(lambda: "moved" in bench.outputs[-1].text, 3.0)
     result = bench.run_to_end()
@@ -309,18 +309,18 @@ def test_a_dock_that_keeps_moving_is_given_up() -> None:
     bench = began(Bench())
 
     def shift() -> bool:
-        if bench.state is State.FINE_ALIGN and bench.outputs[-2].state is not State.FINE_ALIGN:
+        if bench.state is DockingState.FINE_ALIGN and bench.outputs[-2].state is not DockingState.FINE_ALIGN:
             bench.dock_in_odom = bench.dock_in_odom.compose(Pose2(0.0, 0.2, 0.0))
         return bool(bench.results)
 
     assert bench.run(shift, 300.0)
     assert bench.results[-1].code is DockCode.DOCK_MOVED
-    assert bench.state is State.FAILED
+    assert bench.state is DockingState.FAILED
 
 
 def test_a_sighting_that_jumps_once_is_refused() -> None:
     bench = began(Bench())
-    bench.reach(State.SERVOING)
+    bench.reach(DockingState.SERVOING)
     bench.run(lambda: False, 2.0)
     truth = bench.dock_in_odom
     bench.dock_in_odom = truth.compose(Pose2(0.3, 0.3, 0.0))
@@ -340,7 +340,7 @@ def test_a_latch_that_does_not_confirm_is_opened_again_and_given_up_after_three_
     assert result.code is DockCode.LATCH_FAILED
     assert result.tries == 3
     assert "closed=0" in result.reason
-    assert bench.state is State.FAILED
+    assert bench.state is DockingState.FAILED
     assert bench.outputs[-1].attached is False
     assert bench.latch_position == 0
     bench.run(lambda: False, 0.5)
@@ -349,7 +349,7 @@ def test_a_latch_that_does_not_confirm_is_opened_again_and_given_up_after_three_
 
 def test_a_latch_that_neither_closes_nor_opens_ends_at_once_because_it_may_hold() -> None:
     bench = began(Bench())
-    bench.reach(State.DOCKED)
+    bench.reach(DockingState.DOCKED)
     assert bench.run(lambda: bench.latch_position == 4)
     bench.faults.latch_stuck = True
     result = bench.run_to_end()
@@ -374,7 +374,7 @@ def test_a_latch_that_lets_go_by_itself_asks_for_an_emergency_stop_once() -> Non
     bench.latch_position = 3
     bench.run(lambda: False, 2.0)
     assert sum(output.emergency for output in bench.outputs) == 1
-    assert bench.state is State.FAILED
+    assert bench.state is DockingState.FAILED
     assert bench.outputs[-1].attached is True
     assert "let go" in bench.outputs[-1].text
 
@@ -386,7 +386,7 @@ def test_a_latch_that_lets_go_before_the_docking_has_ended_ends_it() -> None:
     result = bench.run_to_end(1.0)
     assert result.code is DockCode.LATCH_FAILED
     assert sum(output.emergency for output in bench.outputs) == 1
-    assert bench.state is State.FAILED
+    assert bench.state is DockingState.FAILED
     assert stands(bench)
 
 
@@ -400,7 +400,7 @@ def test_a_restarted_controller_whose_chair_came_loose_asks_for_an_emergency_sto
     assert bench.outputs[0].emergency
     assert all(output.attached is True for output in bench.outputs)
     assert bench.controller.attached is True
-    assert bench.state is State.FAILED
+    assert bench.state is DockingState.FAILED
     assert bench.controller.undock(bench.situation()) is None  # undocking clears the fault
     assert bench.run_to_end().success
     assert bench.controller.attached is False
@@ -409,13 +409,13 @@ def test_a_restarted_controller_whose_chair_came_loose_asks_for_an_emergency_sto
 def test_an_undocking_that_is_cancelled_on_its_way_is_not_docked_and_can_be_finished() -> None:
     bench = Bench().docked()
     assert bench.controller.undock(bench.situation()) is None
-    bench.reach(State.SERVOING)
+    bench.reach(DockingState.SERVOING)
     bench.run(lambda: False, 1.0)
     result = bench.controller.cancel()
     assert result is not None
     assert result.code is UndockCode.CANCELED
     bench.run(lambda: False, 1.0)
-    assert bench.state is State.IDLE
+    assert bench.state is DockingState.IDLE
     assert stands(bench)
     assert bench.outputs[-1].attached is True
     assert bench.controller.undock(bench.situation()) is None
@@ -439,7 +439,7 @@ def test_an_engine_that_cannot_be_read_changes_nothing_about_the_passenger() -> 
 
 def test_contact_ends_a_try() -> None:
     bench = began(Bench())
-    bench.reach(State.FINE_ALIGN)
+    bench.reach(DockingState.FINE_ALIGN)
     bench.run(lambda: -bench.error.x < 0.05)
     bench.faults.force_n = 60.0
     assert bench.run(lambda: "touched" in bench.outputs[-1].text, 2.0)
@@ -457,14 +457,14 @@ def test_a_slope_is_no_contact() -> None:
 
 def test_a_robot_that_cannot_move_gives_up() -> None:
     bench = began(Bench())
-    bench.reach(State.SERVOING)
+    bench.reach(DockingState.SERVOING)
     bench.faults.stuck_wheels = True
     assert bench.run_to_end(600.0).code in (DockCode.NOT_CONVERGED, DockCode.STAGING_FAILED)
 
 
 def test_a_safety_stop_makes_it_wait_and_go_on() -> None:
     bench = began(Bench())
-    bench.reach(State.SERVOING)
+    bench.reach(DockingState.SERVOING)
     bench.run(lambda: False, 2.0)
     bench.safety = stopped()
     bench.run(lambda: False, 4.0)
@@ -477,7 +477,7 @@ def test_a_safety_stop_makes_it_wait_and_go_on() -> None:
 @pytest.mark.parametrize("safety", [stopped(), Safety()])
 def test_a_safety_stop_that_lasts_ends_the_docking(safety: Safety) -> None:
     bench = began(Bench())
-    bench.reach(State.SERVOING)
+    bench.reach(DockingState.SERVOING)
     bench.safety = safety
     result = bench.run_to_end(params().safety_hold_s + 1.0)
     assert result.code is DockCode.SAFETY_STOP
@@ -486,7 +486,7 @@ def test_a_safety_stop_that_lasts_ends_the_docking(safety: Safety) -> None:
 
 def test_no_odometry_stops_the_robot_and_then_the_docking() -> None:
     bench = began(Bench())
-    bench.reach(State.SERVOING)
+    bench.reach(DockingState.SERVOING)
     bench.run(lambda: False, 2.0)
     bench.faults.odometry_dead = True
     bench.step()
@@ -508,15 +508,15 @@ def test_a_staging_pose_that_is_not_reached_ends_the_docking() -> None:
     assert result.tries == 3
 
 
-@pytest.mark.parametrize("state", [State.APPROACH, *SEEING, State.DOCKED])
-def test_a_cancelled_docking_leaves_the_robot_standing(state: State) -> None:
-    bench = begun_far() if state is State.APPROACH else began(Bench())
+@pytest.mark.parametrize("state", [DockingState.APPROACH, *SEEING, DockingState.DOCKED])
+def test_a_cancelled_docking_leaves_the_robot_standing(state: DockingState) -> None:
+    bench = begun_far() if state is DockingState.APPROACH else began(Bench())
     bench.reach(state)
     result = bench.controller.cancel()
     assert result is not None
     assert result.code is DockCode.CANCELED
     bench.run(lambda: False, 1.0)
-    assert bench.state is State.IDLE
+    assert bench.state is DockingState.IDLE
     assert stands(bench)
     assert bench.controller.cancel() is None
 
@@ -526,7 +526,7 @@ def test_far_from_the_dock_bearing_and_range_are_enough() -> None:
     bench.faults.quality = float(np.float32(0.2))  # the orientation is ambiguous
     bench.run(lambda: False, 0.5)
     began(bench)
-    bench.reach(State.SERVOING)
+    bench.reach(DockingState.SERVOING)
     assert bench.run(lambda: bench.outputs[-1].text == "approaching on bearing and range", 1.0)
     nearest_m = -bench.dock.dock_pose.x_m + params().servo.bearing_distance_m
     assert bench.run(lambda: board(bench)[0] < nearest_m + 0.1, params().servo.timeout_s)
@@ -537,7 +537,7 @@ def test_far_from_the_dock_bearing_and_range_are_enough() -> None:
 def test_a_wheelchair_that_follows_stops_the_undocking() -> None:
     bench = Bench().docked()
     assert bench.controller.undock(bench.situation()) is None
-    bench.reach(State.SERVOING)
+    bench.reach(DockingState.SERVOING)
     beside = bench.dock_in_odom.relative_to(bench.base)
 
     def drag() -> bool:
@@ -566,14 +566,14 @@ def test_a_latch_that_does_not_open_keeps_everything_as_it_is() -> None:
 def test_a_robot_that_cannot_back_off_says_blocked() -> None:
     bench = Bench().docked()
     assert bench.controller.undock(bench.situation()) is None
-    bench.reach(State.SERVOING)
+    bench.reach(DockingState.SERVOING)
     bench.faults.stuck_wheels = True
     assert bench.run_to_end(20.0).code is UndockCode.BLOCKED
 
 
 def test_time_that_stands_still_or_runs_back_moves_nothing() -> None:
     bench = began(Bench())
-    bench.reach(State.SERVOING)
+    bench.reach(DockingState.SERVOING)
     bench.run(lambda: False, 1.0)
     for now_s in (bench.now_s, bench.now_s - 50.0, math.nan):
         output = bench.controller.tick(replace(bench.situation(), now_s=now_s))

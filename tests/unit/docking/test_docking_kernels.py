@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from custom_msgs.action import Dock as DockAction
 from custom_msgs.action import Undock as UndockAction
-from custom_msgs.msg import DockingStatus
 from robot_stack.contract.frames import FRONT_CAMERA
+from robot_stack.contract.states import DockingState
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2
 from robot_stack.docking.contact import ContactWatch
 from robot_stack.docking.dock_calibration import Correction, learnt
@@ -20,7 +20,7 @@ from robot_stack.docking.latch import LatchCommand, LatchInputs, LatchKeeper, La
 from robot_stack.docking.motion import Follower, Point, approach, correction, from_base, into_base, straight_to
 from robot_stack.docking.results import DockCode, UndockCode
 from robot_stack.docking.sighting import Marker, Sighting, sighting
-from robot_stack.docking.states import ACTIVE, TRANSITIONS, State, Trigger, target_of
+from robot_stack.docking.states import ACTIVE, TRANSITIONS, Trigger, target_of
 from robot_stack.docking.target import DockTarget, Seen
 from tests.unit.docking.bench import CAMERAS, dock, markers_at, params
 
@@ -39,21 +39,17 @@ def test_codes_are_those_of_the_action(codes: type[DockCode] | type[UndockCode],
     assert named == {code.name for code in codes}
 
 
-def test_states_are_those_of_the_message() -> None:
-    assert {state.value for state in State} == {getattr(DockingStatus, state.name) for state in State}
-
-
 def test_every_job_can_be_failed_and_cancelled() -> None:
     for state in ACTIVE:
-        assert target_of(state, Trigger.GAVE_UP) is State.FAILED
-        assert target_of(state, Trigger.CANCELLED) is State.IDLE
+        assert target_of(state, Trigger.GAVE_UP) is DockingState.FAILED
+        assert target_of(state, Trigger.CANCELLED) is DockingState.IDLE
     with pytest.raises(KeyError):
-        target_of(State.IDLE, Trigger.FOUND)
+        target_of(DockingState.IDLE, Trigger.FOUND)
 
 
 def test_every_state_can_be_reached_and_left() -> None:
-    assert {row.target for row in TRANSITIONS} == set(State)
-    assert {row.source for row in TRANSITIONS} == set(State)
+    assert {row.target for row in TRANSITIONS} == set(DockingState)
+    assert {row.source for row in TRANSITIONS} == set(DockingState)
 
 
 # --- sighting ---------------------------------------------------------------------------------------------------------

@@ -4,27 +4,27 @@ from __future__ import annotations
 
 import pytest
 
-from robot_stack.docking.states import State
+from robot_stack.contract.states import DOCKING, DockingState
 from robot_stack.docking.vision.detection_gate import DetectionGate
 
 LINGER_S = 4.0
 
 
-@pytest.mark.parametrize("state", [State.APPROACH, State.SEARCH, State.SERVOING, State.FINE_ALIGN])
-def test_markers_are_wanted_while_docking_is_on_its_way(state: State) -> None:
+@pytest.mark.parametrize("state", sorted(DOCKING))
+def test_markers_are_wanted_while_docking_is_on_its_way(state: DockingState) -> None:
     assert DetectionGate(LINGER_S).wanted(state.value, 10.0)
 
 
-@pytest.mark.parametrize("state", ["", State.IDLE.value, State.DOCKED.value, State.FAILED.value, "?"])
+@pytest.mark.parametrize("state", ["", *sorted(set(DockingState) - DOCKING), "?"])
 def test_markers_are_not_wanted_otherwise(state: str) -> None:
     assert not DetectionGate(LINGER_S).wanted(state, 10.0)
 
 
 def test_markers_are_wanted_for_a_while_after_the_dock_was_reached() -> None:
     demand = DetectionGate(LINGER_S)
-    demand.wanted(State.FINE_ALIGN.value, 10.0)
-    assert demand.wanted(State.DOCKED.value, 14.0)
-    assert not demand.wanted(State.DOCKED.value, 14.01)
-    demand.wanted(State.FINE_ALIGN.value, 20.0)
-    assert not demand.wanted(State.FAILED.value, 20.1)
+    demand.wanted(DockingState.FINE_ALIGN.value, 10.0)
+    assert demand.wanted(DockingState.DOCKED.value, 14.0)
+    assert not demand.wanted(DockingState.DOCKED.value, 14.01)
+    demand.wanted(DockingState.FINE_ALIGN.value, 20.0)
+    assert not demand.wanted(DockingState.FAILED.value, 20.1)
     assert not demand.wanted("", 20.1)

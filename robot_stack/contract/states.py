@@ -1,0 +1,40 @@
+"""The states in messages whose field is a string: the documented values, each written once.
+
+A state from the wire is a plain string and equals its member. An undocumented one equals none of them.
+"""
+
+from enum import StrEnum
+
+
+class DockingState(StrEnum):
+    """``DockingStatus.state``. SERVOING also while the robot backs off from an opened latch."""
+
+    IDLE = "IDLE"
+    APPROACH = "APPROACH"  # to the staging pose, by navigation or backwards from a failed try
+    SEARCH = "SEARCH"
+    SERVOING = "SERVOING"
+    FINE_ALIGN = "FINE_ALIGN"
+    DOCKED = "DOCKED"  # at the dock pose; latching, latched or unlatching
+    FAILED = "FAILED"
+
+
+class MissionState(StrEnum):
+    """``MissionStatus.state``. The mission manager has more states, and shows each as one of these."""
+
+    IDLE = "IDLE"
+    RUNNING = "RUNNING"
+    WAITING = "WAITING"
+    PAUSED = "PAUSED"
+    COMPLETED = "COMPLETED"
+    ABORTED = "ABORTED"
+    FAILED = "FAILED"
+
+
+# The robot aims at the markers of a dock.
+ALIGNING = frozenset({DockingState.SEARCH, DockingState.SERVOING, DockingState.FINE_ALIGN})
+# A docking moves the robot.
+DOCKING = ALIGNING | {DockingState.APPROACH}
+# A mission is under way, or paused.
+ACTIVE = frozenset({MissionState.RUNNING, MissionState.WAITING, MissionState.PAUSED})
+# A mission has ended.
+ENDED = frozenset({MissionState.COMPLETED, MissionState.ABORTED, MissionState.FAILED})
