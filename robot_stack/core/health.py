@@ -7,7 +7,6 @@ reception on the steady clock, so a step of the wall clock neither hides nor cau
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
@@ -31,25 +30,18 @@ INPUT_PREFIX = "input "
 
 
 def describe_input(item: InputState) -> str:
-    """An input's state as text for /diagnostics; ``parse_input`` reads it."""
-    if not item.received:
-        return "nothing received"
-    rate = "" if math.isnan(item.rate_hz) else f", {item.rate_hz:.1f} Hz"
-    return f"{item.received} received{rate}, age {item.age_s:.2f} s{'' if item.fresh else ', STALE'}"
-
-
-_DESCRIBED = re.compile(r"(\d+) received(?:, ([\d.]+) Hz)?, age (-?[\d.]+|nan|-?inf) s(, STALE)?")
+    """An input's state as fields for /diagnostics; ``parse_input`` reads them, by name and in any order."""
+    return f"received={item.received} rate_hz={item.rate_hz:.1f} age_s={item.age_s:.2f} fresh={item.fresh}"
 
 
 def parse_input(name: str, text: str) -> InputState | None:
-    """Inverse of ``describe_input``, to the digits of the text; None for any other text."""
-    if text == "nothing received":
-        return InputState(name, math.inf, math.nan, False, 0)
-    found = _DESCRIBED.fullmatch(text)
-    if found is None:
+    """Inverse of ``describe_input``, to the digits of the text; None without one of the fields."""
+    try:
+        fields = dict(field.split("=") for field in text.split())
+        age_s, rate_hz, received = float(fields["age_s"]), float(fields["rate_hz"]), int(fields["received"])
+        return InputState(name, age_s, rate_hz, fields["fresh"] == str(True), received)
+    except (ValueError, KeyError):
         return None
-    received, rate, age, stale = found.groups()
-    return InputState(name, float(age), math.nan if rate is None else float(rate), stale is None, int(received))
 
 
 def parse_inputs(values: Iterable[tuple[str, str]]) -> Iterator[InputState]:

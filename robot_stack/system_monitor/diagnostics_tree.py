@@ -33,6 +33,7 @@ class Entry:
     """One entry of the tree.
 
     children: name and message of each, of a group. payload: argument of ``heard``, of a leaf with an entry.
+    missing: an expected node that was never heard.
     """
 
     path: str
@@ -40,6 +41,7 @@ class Entry:
     message: str
     children: tuple[tuple[str, str], ...] = ()
     payload: Any = None
+    missing: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +89,7 @@ class DiagnosticsTree:
         found = {name: self._leaf(name, heard, now_s) for name, heard in self._heard.items()}
         for node in self._expected:
             if node not in found:
-                found[node] = Entry(self._path(node), Level.STALE, MISSING)
+                found[node] = Entry(self._path(node), Level.STALE, MISSING, missing=True)
         return sorted(found.items())
 
     def _leaf(self, name: str, heard: _Heard, now_s: float) -> Entry:
@@ -110,4 +112,4 @@ def _parent(path: str, children: Sequence[tuple[str, Entry]]) -> Entry:
 
 
 def _said(entry: Entry) -> str:
-    return _TEXT[Level.STALE] if entry.level is Level.STALE and entry.message != MISSING else entry.message
+    return _TEXT[Level.STALE] if entry.level is Level.STALE and not entry.missing else entry.message

@@ -226,7 +226,7 @@ def test_heavy_data_come_only_while_a_page_shows_them(screen: TouchScreen, staff
 
 
 def test_diagnostics_history_and_recordings(screen: TouchScreen, staff: WebPage, peer: Peer) -> None:
-    values = [KeyValue(key="input /odom", value="12 received, 50.0 Hz, age 0.01 s")]
+    values = [KeyValue(key="input /odom", value="received=12 rate_hz=50.0 age_s=0.01 fresh=True")]
     status = DiagnosticStatus(name="navigation_controller", level=DiagnosticStatus.OK, message="well", values=values)
     peer.repeat(topics.DIAGNOSTICS, lambda: DiagnosticArray(status=[status]), 2.0)
     staff.say("show", layers=["diagnostics", "history", "recordings"])

@@ -133,7 +133,7 @@ def test_diagnostics_as_a_tree(bench: Bench) -> None:
     scene = Scene(bench, expected_processes=["swerve_controller", "navigation_controller"], stale_after_s=2.0)
     missing = scene.wait_entry("/Robot/Drive/swerve_controller", lambda entry: entry.message == "Missing")
     assert missing.level == DiagnosticStatus.STALE
-    values = [KeyValue(key="input /cmd_vel", value="55 received, 12.0 Hz, age 0.01 s")]
+    values = [KeyValue(key="input /cmd_vel", value="received=55 rate_hz=12.0 age_s=0.01 fresh=True")]
     entry = DiagnosticStatus(name="swerve_controller", message="driving", values=values)
     bench.repeat(topics.DIAGNOSTICS, lambda: DiagnosticArray(status=[entry]), 2.0)
     scene.wait_entry("/Robot/Drive", lambda found: found.level == DiagnosticStatus.OK)

@@ -32,9 +32,16 @@ def test_what_a_node_describes_can_be_read_again(state: InputState) -> None:
     assert (read.age_s, read.rate_hz) == pytest.approx((state.age_s, state.rate_hz), nan_ok=True)
 
 
-@pytest.mark.parametrize("text", ["", "soon", "3 received", "x received, 1.0 Hz, age 1.0 s"])
+@pytest.mark.parametrize("text", ["", "soon", "received=3", "received=x rate_hz=1.0 age_s=1.0 fresh=True", "a=b=c"])
 def test_other_texts_are_no_inputs(text: str) -> None:
     assert parse_input("/odom", text) is None
+
+
+def test_an_input_is_read_by_its_fields_alone() -> None:
+    """Not by a text for people, nor by their order."""
+    text = describe_input(InputState("/odom", 7.25, 49.8, False, 3))
+    others = " ".join(["note=STALE", *reversed(text.split())])
+    assert parse_input("/odom", others) == parse_input("/odom", text) == InputState("/odom", 7.25, 49.8, False, 3)
 
 
 def told(health: TopicHealth, node: str, text: str, now_s: float, topic: str = "/odom") -> None:
@@ -44,17 +51,17 @@ def told(health: TopicHealth, node: str, text: str, now_s: float, topic: str = "
 def test_the_subscriber_that_counts_most_is_believed() -> None:
     health = TopicHealth(5.0)
     assert health.figures("/odom", 0.0) is None
-    told(health, "mission_manager", "100 received, 10.0 Hz, age 0.09 s", 1.0)
-    told(health, "ndt_localization", "500 received, 50.1 Hz, age 0.02 s", 1.0)
-    told(health, "costmap_server", "nothing received", 1.0)
+    told(health, "mission_manager", "received=100 rate_hz=10.0 age_s=0.09 fresh=True", 1.0)
+    told(health, "ndt_localization", "received=500 rate_hz=50.1 age_s=0.02 fresh=True", 1.0)
+    told(health, "costmap_server", "received=0 rate_hz=nan age_s=inf fresh=False", 1.0)
     assert health.figures("/odom", 1.5) == TopicFigures(50.1, 0.02)
     assert health.figures("/imu", 1.5) is None
 
 
 def test_who_is_silent_tells_nothing() -> None:
     health = TopicHealth(5.0)
-    told(health, "ndt_localization", "500 received, 50.1 Hz, age 0.02 s", 1.0)
-    told(health, "mission_manager", "100 received, 10.0 Hz, age 0.09 s", 3.0)
+    told(health, "ndt_localization", "received=500 rate_hz=50.1 age_s=0.02 fresh=True", 1.0)
+    told(health, "mission_manager", "received=100 rate_hz=10.0 age_s=0.09 fresh=True", 3.0)
     assert health.figures("/odom", 6.0) == TopicFigures(50.1, 0.02)
     assert health.figures("/odom", 6.1) == TopicFigures(10.0, 0.09)
     assert health.figures("/odom", 8.1) is None
@@ -63,7 +70,7 @@ def test_who_is_silent_tells_nothing() -> None:
 
 def test_a_topic_that_nobody_has_received() -> None:
     health = TopicHealth(5.0)
-    told(health, "ndt_localization", "nothing received", 1.0)
+    told(health, "ndt_localization", "received=0 rate_hz=nan age_s=inf fresh=False", 1.0)
     figures = health.figures("/odom", 1.0)
     assert figures is not None
     assert (math.isnan(figures.rate_hz), figures.age_s) == (True, math.inf)
