@@ -252,7 +252,7 @@ class MissionKernel:
             return (*self._refuse(why), *self._calls.drop())
         effects: tuple[Effect, ...] = ()
         if self._record.state in UNDER_WAY:
-            self._change(Trigger.JOURNAL_LOST, self._record, "paused, because " + why)
+            self._change(Trigger.JOURNAL_LOST, self._record, "paused; RESUME goes on once the journal can be written")
             effects = (CancelGoal(), *self._calls.drop())
         self._unsaved, self._journal_problem = True, why
         return effects
@@ -415,13 +415,11 @@ class MissionKernel:
         self._awake = self._awake or (inputs.pose is not None and inputs.safety_known)
         record = self._record
         eta = math.nan if self._held else status.eta_s(record, inputs, self._speed.mps, self._leg.waited_s)
-        # Shown once: the reason of a pause for the journal contains it already.
-        journal = "" if self._journal_problem in record.reason else self._journal_problem
         built = status.build(
             record,
             self._answer,
             inputs,
-            reasons=(record.reason, self._held, journal),
+            reasons=(record.reason, self._held, self._journal_problem),
             eta=eta,
             emergency=self._in_emergency(inputs),
             low=bool(self._battery_low(inputs)),

@@ -671,7 +671,8 @@ def test_an_unwritable_journal_pauses_a_ride(story):
     assert story.state is State.PAUSED
     assert story.goal is None
     assert story.goals() == [2.0]
-    assert story.status.reason == "paused, because the journal cannot be written: disk full"
+    resume = "paused; RESUME goes on once the journal can be written"
+    assert story.status.reason == f"{resume}; the journal cannot be written: disk full"
     assert story.kernel.record.waypoint == 1
 
 
