@@ -20,7 +20,7 @@ FOLLOW_JOINT_TRAJECTORY = Action(
     "control_msgs/action/FollowJointTrajectory",
     "follow_joint_trajectory_server",
     (OPERATOR_TOOL,),
-    "cubic spline through the points, or the cubics and quintics of their velocities and accelerations; its other "
+    "cubic spline through the points, or cubics and quintics by their velocities and accelerations; its other "
     "clients are motion planners outside the stack",
     System.WMX,
 )

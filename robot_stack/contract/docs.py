@@ -29,9 +29,9 @@ commit both. `robot-stack topics` compares the same rows with a running system.
 - Names, types and QoS hold for publisher and subscribers alike; history is always KEEP_LAST of the given depth.
 - *Rate* is that of each publisher; *event* topics are sent on change. *Stale* is the age after which a subscriber
   treats its newest message as missing.
-- *Wakes* are the subscribers that a message wakes at once; the others take it at their tick.
-- A row names exactly who has an endpoint; a node with an asterisk has it only in some situations or configurations.
-- *every node* is every process of the table at the end. *{outside}* are tools and people outside that table.
+- *Wakes* are the subscribers that a message wakes at once; the others process it at their next tick.
+- A row names exactly the nodes with an endpoint; one with an asterisk has it only in some situations or configurations.
+- *every node* is every process of the table at the end. *{outside}* are tools and operators outside that table.
 - Fields, units, frames and ranges are described in the message definitions: `custom_msgs/`, `wmx_ros2_message/`.
 - The robot and the WMX layer share the names `/joint_states` and `/cmd_vel`; a profile runs one machine, never both.
 """
@@ -54,16 +54,17 @@ def render() -> str:
 
 
 _FAULTS_HEAD = """\
-The closed list of the safety monitor. The most severe action of all active faults wins; of several limits the least.
-Thresholds are parameters in `config/safety_monitor.yaml`; the numbers here are their defaults."""
+The closed list of the safety monitor. Of all active faults, the most severe action applies; of several limits, the
+lowest. Thresholds are parameters in `config/safety_monitor.yaml`; the numbers here are their defaults."""
 _PROCESSES_HEAD = """\
-One operating-system process per row; `config/profiles/` says which run together. *critical*: the robot stops when it
-dies; *limiting*: it goes on slowly; *optional*: its loss is shown. One without a module is specified, not built."""
+One operating-system process per row; `config/profiles/` defines which run together. If a *critical* process ends, the
+robot stops; if a *limiting* one ends, it drives slowly; the loss of an *optional* one is reported. A process without a
+module is specified but not built."""
 
 
 def _topics(rows: Sequence[Topic]) -> str:
     return _table(
-        ("topic", "type", "QoS", "rate", "stale", "publishers", "subscribers", "wakes", "what"),
+        ("topic", "type", "QoS", "rate", "stale", "publishers", "subscribers", "wakes", "description"),
         (
             (
                 f"`{row.name}`",
@@ -83,12 +84,12 @@ def _topics(rows: Sequence[Topic]) -> str:
 
 def _endpoints(rows: Iterable[Service]) -> str:
     cells = ((f"`{row.name}`", f"`{row.type}`", row.server, row.note) for row in rows)
-    return _table(("name", "type", "server", "what"), cells)
+    return _table(("name", "type", "server", "description"), cells)
 
 
 def _actions(rows: Iterable[Action]) -> str:
     cells = ((f"`{row.name}`", f"`{row.type}`", row.server, _nodes(row.clients), row.note) for row in rows)
-    return _table(("name", "type", "server", "clients", "what"), cells)
+    return _table(("name", "type", "server", "clients", "description"), cells)
 
 
 def _faults() -> str:
@@ -109,7 +110,7 @@ def _faults() -> str:
 
 def _processes(rows: Sequence[Process]) -> str:
     return _table(
-        ("process", "machine", "criticality", "nodes", "module", "what"),
+        ("process", "machine", "criticality", "nodes", "module", "description"),
         (
             (
                 f"`{row.name}`",

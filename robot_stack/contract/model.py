@@ -93,7 +93,7 @@ class Topic:
     def stale_limit_s(self) -> float:
         """``stale_s`` of a topic that has one. Raises ContractViolation for one whose age means nothing."""
         if self.stale_s is None:
-            raise ContractViolation(f"{self.name} has no staleness limit: its age means nothing")
+            raise ContractViolation(f"{self.name} has no staleness limit: its age is not checked")
         return self.stale_s
 
     def wakes_node(self, node: str) -> bool:

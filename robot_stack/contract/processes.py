@@ -132,7 +132,7 @@ PROCESSES: tuple[Process, ...] = (
         "modbus_battery_driver",
         "robot_stack.drivers.nodes.modbus_battery_driver",
         _LIMITING,
-        "battery whose monitor is asked over Modbus",
+        "battery with a monitor that is read over Modbus",
     ),
     _process("perception_pipeline", "robot_stack.perception.nodes.perception_pipeline", _CRITICAL, "obstacle points"),
     _process("costmap_server", "robot_stack.costmap.nodes.costmap_server", _LIMITING, "local costmap"),
@@ -162,7 +162,7 @@ PROCESSES: tuple[Process, ...] = (
         "sim_computer",
         "sim.nodes.sim_computer",
         _OPTIONAL,
-        "the simulated robot's computer as its kernel tells it, and the browser on its screen",
+        "simulated kernel figures of the robot's computer, and the browser on its screen",
         system=System.SIMULATION,
     ),
     _process(

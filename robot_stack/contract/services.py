@@ -30,7 +30,7 @@ INJECT_CAMERA_FAULT = Service(
     "/sim/inject_camera_fault",
     "custom_msgs/srv/InjectFault",
     "camera_driver",
-    "raises or clears a fault of a simulated camera, or of what it looks at",
+    "raises or clears a fault of a simulated camera or of its scene",
     System.SIMULATION,
 )
 INJECT_LIDAR_FAULT = Service(
@@ -58,7 +58,7 @@ INJECT_COMPUTER_FAULT = Service(
     "/sim/inject_computer_fault",
     "custom_msgs/srv/InjectFault",
     "sim_computer",
-    "raises or clears a trouble of the simulated robot's computer or of its screen; durations are real time",
+    "raises or clears a fault of the simulated robot's computer or of its screen; durations are real time",
     System.SIMULATION,
 )
 INJECT_ENGINE_FAULT = Service(

@@ -50,7 +50,7 @@ EMERGENCY_STOP_SOURCES = Topic(
     qos.REQUEST_QUEUE,
     _STOP_SOURCES,
     ("safety_monitor",),
-    "who says what on /emergency_stop: a press stands until the process that pressed releases it",
+    "state of each source of /emergency_stop: a press holds until the process that pressed releases it",
     rate_hz=5.0,
     stale_s=1.0,
     queue=50,
@@ -61,7 +61,7 @@ ROBOT_STATUS = Topic(
     qos.STATUS,
     ("system_monitor",),
     ("touch_ui", "mission_manager", "safety_monitor"),
-    "battery, pose, safety, mission and computer health in one message; NaN and empty mean unknown",
+    "battery, pose, safety, mission and computer health in one message; NaN and empty are unknown",
     rate_hz=10.0,
     stale_s=1.0,
 )
@@ -86,7 +86,7 @@ HEARTBEAT = Topic(
     qos.HEARTBEAT,
     (EVERY_NODE,),
     (EXTERNAL,),
-    "for who is outside this machine: safety monitor and supervisor read the nodes' records in shared memory (5 Hz)",
+    "for other machines: safety monitor and supervisor read the nodes' records in shared memory (5 Hz)",
     rate_hz=1.0,
     stale_s=3.0,
 )
@@ -207,7 +207,7 @@ CMD_VEL_LIMITED = Topic(
     qos.SENSOR,
     ("swerve_controller",),
     ("touch_ui", "safety_monitor"),
-    "the twist the swerve controller really tries to reach, base_link",
+    "target twist of the swerve controller after arbitration and limits, base_link",
     rate_hz=20.0,
     stale_s=0.2,
 )
@@ -219,7 +219,7 @@ CMD_VEL = Topic(
     qos.COMMAND,
     ("navigation_controller",),
     ("swerve_controller", "safety_monitor"),
-    "velocity in base_link from navigation; lowest of the three command sources",
+    "velocity in base_link from navigation; lowest priority of the three command sources",
     rate_hz=20.0,
     stale_s=0.2,
 )
@@ -229,7 +229,7 @@ DOCKING_CMD_VEL = Topic(
     qos.COMMAND,
     ("docking_controller",),
     ("swerve_controller", "safety_monitor"),
-    "velocity in base_link while docking owns the motion",
+    "velocity in base_link while docking controls the motion",
     rate_hz=20.0,
     stale_s=0.2,
     on_demand=True,
@@ -240,7 +240,7 @@ TELEOP_CMD_VEL = Topic(
     qos.COMMAND,
     ("touch_ui", "joystick_driver", TEST_TOOL),
     ("swerve_controller", "safety_monitor", "mission_manager"),
-    "velocity in base_link from a person's hand; highest of the three command sources",
+    "velocity in base_link from manual control; highest priority of the three command sources",
     rate_hz=20.0,
     stale_s=0.2,
     on_demand=True,
@@ -275,8 +275,8 @@ LOCALIZATION_POSE = Topic(
     qos.SENSOR,
     ("ndt_localization",),
     ("rviz", EXTERNAL),
-    "base_link in map as in /current_pose, with the covariance of x, y, yaw (the others are 0): it grows while the "
-    "robot goes by wheels and gyro alone, and is 1e6 m2 while the pose is looked for",
+    "base_link in map as in /current_pose, with the covariance of x, y, yaw (the others are 0): it grows "
+    "during dead reckoning by wheels and gyro, and is 1e6 m2 while the pose is searched for",
     rate_hz=10.0,
     stale_s=0.5,
 )
@@ -312,7 +312,7 @@ NAVIGATION_STATUS = Topic(
     qos.LATCHED,
     ("navigation_controller",),
     ("mission_manager", "touch_ui"),
-    "internal: what navigation does or why it gave up, for people; nobody's decision depends on it",
+    "internal: activity of navigation or the reason of its failure, for operators; no node depends on it",
 )
 NAVIGATION_PEOPLE = Topic(
     "/navigation/people",
@@ -320,9 +320,9 @@ NAVIGATION_PEOPLE = Topic(
     qos.SENSOR,
     ("navigation_controller",),
     ("touch_ui",),
-    "internal: what of a person's size it follows, in odom at the costmap's stamp: a cylinder each, its namespace "
-    "walking, person (has walked) or object, and an arrow, namespace velocity, to where who walks will be in 1 s; for "
-    "pictures, while somebody listens",
+    "internal: tracked objects of a person's size, in odom at the costmap's stamp: a cylinder each, with the namespace "
+    "walking, person (has walked) or object, and for each walking one an arrow, namespace velocity, to its position in "
+    "1 s; for visualization, only while subscribed",
     rate_hz=5.0,
     stale_s=1.0,
     on_demand=True,
@@ -469,7 +469,7 @@ UNSEEN_SPACE = Topic(
     qos.SENSOR,
     ("perception_pipeline",),
     ("safety_monitor",),
-    "with each obstacle cloud, where the space that is seen or remembered ends: the cells beside it",
+    "with each obstacle cloud, the boundary of the seen or remembered space: the cells beside it",
     rate_hz=20.0,
     stale_s=0.3,
     queue=8,
@@ -480,7 +480,7 @@ NO_GROUND = Topic(
     qos.SENSOR,
     ("perception_pipeline",),
     ("safety_monitor",),
-    "with each obstacle cloud, where the ground ends that has been seen or stood on: the cells beyond it",
+    "with each obstacle cloud, the boundary of the ground that was seen or driven on: the cells beyond it",
     rate_hz=20.0,
     stale_s=0.3,
     queue=8,
@@ -491,7 +491,8 @@ MOVING = Topic(
     qos.SENSOR,
     ("perception_pipeline",),
     ("safety_monitor",),
-    "with each obstacle cloud, points of who moves, and velocity over ground: x, y, z, vx, vy along base_link's axes",
+    "with each obstacle cloud, points of moving objects and their velocity over ground: x, y, z, vx, vy along "
+    "base_link's axes",
     rate_hz=20.0,
     stale_s=0.3,
     queue=8,
@@ -502,7 +503,7 @@ SPACE = Topic(
     qos.SENSOR,
     ("perception_pipeline",),
     ("costmap_server",),
-    "internal: rolling grid in odom of what is free (0), occupied (100), or neither seen nor remembered (-1)",
+    "internal: rolling grid in odom: free (0), occupied (100), neither seen nor remembered (-1)",
     rate_hz=5.0,
     stale_s=1.0,
     wakes=("costmap_server",),
@@ -548,7 +549,7 @@ DOCKING_TARGET = Topic(
     qos.STATUS,
     ("docking_controller",),
     ("safety_monitor",),
-    "internal: the dock's frame in base_link while SERVOING or FINE_ALIGN: what is no obstacle then",
+    "internal: the dock's frame in base_link while SERVOING or FINE_ALIGN: its region is no obstacle then",
     rate_hz=10.0,
     stale_s=0.3,
     on_demand=True,
@@ -589,7 +590,7 @@ VELOCITY_LIMIT = Topic(
     qos.LATCHED,
     ("safety_monitor",),
     ("swerve_controller", "navigation_controller", "docking_controller", "touch_ui", OPERATOR_TOOL),
-    "the smallest limit in force and its reason; 0 is a stop, and so is silence",
+    "the smallest limit in force and its reason; 0 is a stop, and so is a timeout",
     rate_hz=20.0,
     stale_s=0.18,
     wakes=("swerve_controller",),
@@ -630,8 +631,8 @@ DEPARTURE_WARNING = Topic(
     qos.COMMAND,
     _DEPARTING,
     _DEPARTING,
-    "people are being warned; frame_id: the node that is about to let the robot go, stamp: when it will; "
-    "at that moment once more",
+    "warning before a start; frame_id: the node that is about to start the motion, stamp: the time of the start; "
+    "published once more at that time",
     rate_hz=10.0,
     stale_s=0.5,
     queue=10,
@@ -750,7 +751,7 @@ WMX_CMD_VEL_STAMPED = Topic(
     qos.COMMAND,
     (EXTERNAL,),
     ("diff_drive_controller",),
-    "twist of the differential base, for senders that stamp it; of both topics the newest counts",
+    "twist of the differential base, for senders that stamp it; the newest message of both topics applies",
     sometimes=("diff_drive_controller",),  # where its parameters name the topic
     system=_WMX,
     wakes=("diff_drive_controller",),
@@ -795,7 +796,7 @@ WMX_TF = Topic(
     qos.TF,
     ("diff_drive_controller",),
     ("rviz",),
-    "odom->base_link of the differential base, where its parameter publish_tf says so",
+    "odom->base_link of the differential base, if its parameter publish_tf is true",
     sometimes=("diff_drive_controller",),  # where its parameters name the topic
     system=_WMX,
 )
@@ -841,7 +842,7 @@ SIM_BODIES = Topic(
     qos.SENSOR,
     ("sim_world",),
     ("camera_driver", "lidar_driver", "overhead_lidar_driver", TEST_TOOL, OPERATOR_TOOL),
-    "true poses of base_link, wheelchair, station boards and people in map: what a simulated sensor looks at",
+    "true poses of base_link, wheelchair, station boards and people in map: the scene of the simulated sensors",
     rate_hz=50.0,
     stale_s=0.2,
     system=_SIM,

@@ -7,8 +7,8 @@ from pathlib import Path
 from robot_stack.core.display_patterns import Pattern, Patterns, load_patterns
 
 PATH = Path(__file__).resolve().parents[2] / "docs" / "ehmi.md"
-BEGIN, END = "<!-- generated: python -m robot_stack.ehmi.docs -->", "<!-- end of what is generated -->"
-_COLUMNS = ("state", "shown", "band of light", "pictogram", "en", "ja", "zh", "sound", "why")
+BEGIN, END = "<!-- generated: python -m robot_stack.ehmi.docs -->", "<!-- end of the generated part -->"
+_COLUMNS = ("state", "shown", "light band", "pictogram", "en", "ja", "zh", "sound", "reason")
 _RESERVED = range(11, 21)
 
 
@@ -33,7 +33,7 @@ def render(document: str, patterns: Patterns) -> str:
 def _row(state: int, pattern: Pattern | None, numbers: dict[str, int]) -> str:
     if pattern is None:
         first, last = _RESERVED[0], _RESERVED[-1]
-        cells = (f"{first}-{last}", "reserved", *[""] * (len(_COLUMNS) - 3), "refused by bridge and display")
+        cells = (f"{first}-{last}", "reserved", *[""] * (len(_COLUMNS) - 3), "rejected by bridge and display")
         return _line(cells) if state == first else ""
     cited = "".join(f" [{numbers[key]}]" for key in pattern.sources)
     texts = (pattern.text.en, pattern.text.ja, pattern.text.zh)

@@ -8,15 +8,15 @@ _MEANING = {
     State.IDLE: "no mission",
     State.RUNNING: "driving to a waypoint; the only state in which goals are sent",
     State.WAITING: "standing at a waypoint for its waiting time",
-    State.DOCKING: "at a waypoint, the docking controller docks; shown as RUNNING in `/mission/status`, the reason "
-    "says how far it is",
-    State.UNDOCKING: "likewise, it undocks",
-    State.PAUSED: "standing until a person says RESUME",
-    State.STOPPED: "standing after an emergency stop, until it is released and reset and a person says RESUME; "
+    State.DOCKING: "at a waypoint, the docking controller docks; shown as RUNNING in `/mission/status`, with the "
+    "progress as the reason",
+    State.UNDOCKING: "likewise, while it undocks",
+    State.PAUSED: "standing until RESUME",
+    State.STOPPED: "standing after an emergency stop, until its release, a reset and RESUME; "
     "shown as PAUSED in `/mission/status`, with the reason",
     State.COMPLETED: "the last waypoint was reached",
-    State.ABORTED: "a person ended the mission; a passenger stays attached",
-    State.FAILED: "the mission ended itself, the reason says why",
+    State.ABORTED: "ended by ABORT; a passenger stays attached",
+    State.FAILED: "ended by a failure, named by the reason",
 }
 
 
@@ -26,7 +26,7 @@ def document() -> str:
         [
             "# States of the mission manager",
             "",
-            "Generated from `robot_stack/mission/states.py`; do not edit. To draw it again:",
+            "Generated from `robot_stack/mission/states.py`; do not edit. To regenerate it:",
             "`python -m robot_stack.mission.diagram > docs/mission_states.md`.",
             "",
             "```mermaid",
