@@ -134,7 +134,7 @@ def _evidence(folder: Path) -> str:
         lines.append(f"  look at it: `.venv/bin/robot-stack film {recording}`, or open its .mcap file in Foxglove")
     if (folder / "logs").is_dir():
         lines.append(f"  logs of the processes: {folder / 'logs' / 'latest'}")
-    lines.append("  run it again: nothing of this run is left in the way, its state stays in the folder above")
+    lines.append("  run it again: this run leaves no state outside the folder above")
     return "\n".join(lines)
 
 
@@ -282,7 +282,7 @@ def result_line(arrived: bool, reason: str, found: Figures) -> str:
 def estimate_line(found: Figures, touched: tuple[str, ...]) -> str:
     """The error of the robot's estimate, and its contacts."""
     return (
-        f"believed pose off by {1e3 * found.estimate_rms_m:.0f} mm rms, {1e3 * found.estimate_p95_m:.0f} mm and "
+        f"estimated pose off by {1e3 * found.estimate_rms_m:.0f} mm rms, {1e3 * found.estimate_p95_m:.0f} mm and "
         f"{found.estimate_p95_deg:.2f} deg p95; touched {', '.join(touched) or 'nothing'}"
     )
 
@@ -340,9 +340,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--mission", default=DEMO_MISSION, help="a mission of config/missions/")
     parser.add_argument("--world", default="yard", help="a world of config/worlds/")
     parser.add_argument("--seed", type=int, default=1, help="of the simulation's noise")
-    parser.add_argument("--speed", type=float, default=None, help="of the world, times real time at the most")
-    parser.add_argument("--start-error-m", type=float, default=START_ERROR_M, help="how wrong the believed start is")
-    parser.add_argument("--start-error-deg", type=float, default=START_ERROR_DEG, help="how wrong its heading is")
+    parser.add_argument("--speed", type=float, default=None, help="maximum speed of the world relative to real time")
+    parser.add_argument("--start-error-m", type=float, default=START_ERROR_M, help="position error of the start pose")
+    parser.add_argument("--start-error-deg", type=float, default=START_ERROR_DEG, help="yaw error of the start pose")
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder for plots and figures")
     parser.add_argument("--short", action="store_true", help="the wheelchair's transport alone, in about a minute")
     parser.set_defaults(start=None)

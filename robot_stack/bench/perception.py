@@ -49,7 +49,7 @@ def _result(meter: LatencyMeter, duration_s: float, processes: int, picture: Pat
     for name, row in _ROWS.items():
         ages_s = meter.ages_s[row.name]
         if name == "obstacles" and not ages_s:
-            raise BenchError(f"nothing came on {row.name}: `robot-stack status` says why")
+            raise BenchError(f"no message on {row.name}: see `robot-stack status`")
         if ages_s:
             figures[f"points_to_{name}_ms_p50"] = 1e3 * percentile(ages_s, 0.5)
             figures[f"points_to_{name}_ms_p95"] = 1e3 * percentile(ages_s, 0.95)
@@ -60,4 +60,4 @@ def _result(meter: LatencyMeter, duration_s: float, processes: int, picture: Pat
 
         drawn = str(draw(picture, meter.latest))
     missing = [row.name for row in _ROWS.values() if not meter.ages_s[row.name]]
-    return Result(figures, {"processes": processes, "nothing came on": missing, "picture": drawn})
+    return Result(figures, {"processes": processes, "no message on": missing, "picture": drawn})

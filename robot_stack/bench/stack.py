@@ -42,7 +42,7 @@ def running_stack(
             raise BenchError(client.not_ready(status))
         if system_time and status["use_sim_time"]:
             raise BenchError(
-                "this benchmark measures real time; the running stack lives on the world's: `robot-stack down`"
+                "this benchmark measures real time; the running stack uses the world's clock: `robot-stack down`"
             )
         yield status
         return

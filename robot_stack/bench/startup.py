@@ -81,7 +81,7 @@ def _start(profile: str, before: Sequence[str] = (), environment: Mapping[str, s
     try:
         status = ask("status")
     except NotRunning as error:
-        raise BenchError("the stack has gone right after `up`") from error
+        raise BenchError("the stack ended right after `up`") from error
     begun_s = time.monotonic()
     robot_stack("down")
     down_s = time.monotonic() - begun_s

@@ -169,5 +169,5 @@ def _wait(condition: Callable[[], Any], what: str) -> None:
     end_s = time.monotonic() + _DEADLINE_S
     while not condition():
         if time.monotonic() > end_s:
-            raise BenchError(f"waited {_DEADLINE_S:.0f} s in vain for {what}")
+            raise BenchError(f"timed out after {_DEADLINE_S:.0f} s waiting for {what}")
         time.sleep(0.005)

@@ -94,7 +94,7 @@ def _follow(waypoints: Sequence[Waypoint], timeout_s: float) -> None:
         raise CommandError(str(error)) from None
     if not ended.success:
         raise CommandError(f"failed: {ended.reason}")
-    print(f"there; never more than {1e3 * progress.worst_rad:.1f} mrad from the spline")
+    print(f"goal reached; at most {1e3 * progress.worst_rad:.1f} mrad from the spline")
 
 
 class Progress:

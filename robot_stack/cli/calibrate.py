@@ -12,13 +12,13 @@ from robot_stack.cli.errors import WRONG_USE, CommandError
 _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm")
 _NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
 
-calibrate = typer.Typer(help="Measure what differs from robot to robot.", no_args_is_help=True)
+calibrate = typer.Typer(help="Calibrate one robot: cameras, LiDAR, wheels.", no_args_is_help=True)
 
 
 @calibrate.command()
 def camera(
     folder: Annotated[Path | None, typer.Argument(help="Folder with pictures of the ChArUco board.")] = None,
-    frame: Annotated[str, typer.Option(help="Camera that took them.")] = "front_camera",
+    frame: Annotated[str, typer.Option(help="Camera of the pictures.")] = "front_camera",
     output: Annotated[
         Path | None, typer.Option(help="camera_info YAML to write; by default the camera's own in config/cameras.")
     ] = None,
@@ -45,11 +45,11 @@ def lidar(
     recording: Annotated[Path, typer.Argument(help="Ride of a full circle and more, made by robot-stack record.")],
     rpy_deg: Annotated[
         tuple[float, float, float] | None,
-        typer.Option(help="The LiDAR's rpy_deg in robot.yaml when it was recorded; by default what it is now."),
+        typer.Option(help="The LiDAR's rpy_deg in robot.yaml during the recording; by default the present value."),
     ] = None,
-    picture: Annotated[Path | None, typer.Option(help="Draw what was measured and what is left into this PNG.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Plot measurements and residuals into this PNG.")] = None,
 ) -> None:
-    """Find how the LiDAR is mounted: tilt and height by the ground, heading by the way it moves."""
+    """Calibrate the LiDAR's mounting: tilt and height from the ground, heading from its path."""
     from robot_stack.cli.calibrate_lidar import calibrate_lidar
 
     if rpy_deg is not None and not all(-180.0 <= angle <= 180.0 for angle in rpy_deg):
@@ -61,9 +61,9 @@ def lidar(
 def extrinsics(
     recording: Annotated[Path, typer.Argument(help="Ride before a dock's markers, made by robot-stack record.")],
     frame: Annotated[str, typer.Option(help="Camera: front_camera or rear_camera.")] = "front_camera",
-    picture: Annotated[Path | None, typer.Option(help="Draw what is left into this PNG.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Plot the residuals into this PNG.")] = None,
 ) -> None:
-    """Find a camera's mounting relative to the LiDAR, by a ride to and fro before markers that stand still."""
+    """Calibrate a camera's mounting relative to the LiDAR, from a ride in front of fixed markers."""
     from robot_stack.cli.calibrate_extrinsics import calibrate_extrinsics
 
     calibrate_extrinsics(recording, frame, picture)
@@ -72,9 +72,9 @@ def extrinsics(
 @calibrate.command()
 def wheels(
     recording: Annotated[Path, typer.Argument(help="Ride ahead and sideways, made by robot-stack record.")],
-    picture: Annotated[Path | None, typer.Option(help="Draw the differences into this PNG.")] = None,
+    picture: Annotated[Path | None, typer.Option(help="Plot the differences into this PNG.")] = None,
 ) -> None:
-    """Find which wheels are greater than the others and which steering encoders show too much."""
+    """Calibrate the differences of the wheel radii and the offsets of the steering encoders."""
     from robot_stack.cli.calibrate_wheels import calibrate_wheels
 
     calibrate_wheels(recording, picture)

@@ -101,8 +101,8 @@ def beside(ride: Ride, views: Views, params: MappingParams) -> tuple[Floats, Flo
     pairs = places(ride, views, params.camera_mount)
     if not pairs:
         raise RideError(
-            "the robot stood nowhere in sight of the markers: stop for a second or two at each place, so that neither "
-            "camera nor LiDAR moves while it measures"
+            "no standstill with the markers in view: stop for 1 s to 2 s at each place, so that camera and LiDAR do "
+            "not move during a measurement"
         )
     sweep, view = np.array(pairs, np.intp).T
     stamps = np.array([ride.sweeps[index].stamp_s for index in sweep])
@@ -162,23 +162,23 @@ def lines_of(found: CameraMountFound, frame: str, nominal: Floats, views: Views)
     rms = np.sqrt(np.mean(found.residuals**2, axis=0))
     name = frame.removesuffix("_camera")
     return [
-        f"{len(found.residuals)} places before the markers of {views.dock}; "
+        f"{len(found.residuals)} places in front of the markers of {views.dock}; "
         f"{len(views.stamp_s)} of {views.images} images show them",
-        "the camera is turned, beyond what robot.yaml has, by "
+        "rotation of the camera relative to robot.yaml: "
         + ", ".join(
             f"{axis} {now - old:+.2f} (+- {sigma:.2f})"
             for axis, now, old, sigma in zip(("roll", "pitch", "yaw"), angles, before, one, strict=True)
         )
         + " deg",
-        f"and sits {moved_mm[0]:+.1f} (+- {sigma_mm[0]:.1f}) mm ahead and {moved_mm[1]:+.1f} (+- {sigma_mm[1]:.1f}) mm "
-        "to the left of it; its height is measured by hand",
-        "what the camera's own calibration is off comes on top: 0.3 px are 0.02 deg and some 3 mm",
-        f"left between LiDAR and camera: {1e3 * float(np.linalg.norm(rms[:3])):.1f} mm and "
+        f"translation: {moved_mm[0]:+.1f} (+- {sigma_mm[0]:.1f}) mm ahead, {moved_mm[1]:+.1f} (+- {sigma_mm[1]:.1f}) "
+        "mm to the left; measure the height by hand",
+        "errors of the camera's intrinsics are not included: 0.3 px correspond to 0.02 deg and about 3 mm",
+        f"residual between LiDAR and camera: {1e3 * float(np.linalg.norm(rms[:3])):.1f} mm and "
         f"{float(np.degrees(np.linalg.norm(rms[3:]))):.3f} deg, rms",
-        "write into config/robot.yaml, and record another ride to see them near zero:",
+        "write into config/robot.yaml, then record another ride: corrections must be near zero:",
         f"  {name}_camera_xyz_m: [{x:.4f}, {y:.4f}, {z:g}]",
         f"  {name}_camera_rpy_deg: [{angles[0]:.2f}, {angles[1]:.2f}, {angles[2]:.2f}]",
-        "What is left between camera and docking latch, the robot learns at its first closed latch.",
+        "The docking controller measures the remaining offset between camera and latch when the latch first closes.",
     ]
 
 
@@ -194,8 +194,8 @@ def draw(found: CameraMountFound, file: Path) -> None:
         for column, name in enumerate(("x, to the right", "y, down", "z, along the view")):
             axes.plot(scale * found.residuals[:, first + column], ".-", label=name, alpha=0.7)
         axes.set(xlabel="place", ylabel=unit)
-    left.set(title="the board's place, LiDAR beside camera")
-    right.set(title="the board's angles, LiDAR beside camera")
+    left.set(title="board position, LiDAR relative to camera")
+    right.set(title="board angles, LiDAR relative to camera")
     right.legend(title="in the camera's frame")
     figure.tight_layout()
     try:

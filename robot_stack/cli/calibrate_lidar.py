@@ -52,14 +52,13 @@ def lines_of(found: MountFound, before_deg: Angles, sensor_m: tuple[float, float
     ends = np.percentile(found.yaw_rad, [0.0, 100.0])
     return [
         f"{found.sweeps} sweeps, {heading.distance_m:.1f} m, headings of {np.degrees(ends[1] - ends[0]):.0f} deg",
-        f"the cloud has to be turned by roll {roll:.2f}, pitch {pitch:.2f} (+- {one:.3f}), yaw {yaw:.2f} "
-        f"(+- {turn:.3f}) deg",
-        f"the sensor sits {tilt.height_m:.3f} m above the ground (+- {tilt.height_deviation_m:.4f}), not {z:.3f}",
-        f"left: ground {1e3 * tilt.ground_rms_m:.0f} mm rms, steps {1e3 * _rms(heading.residuals_m[:, 0]):.0f} mm "
-        f"along and {1e3 * _rms(heading.residuals_m[:, 1]):.0f} mm across the way",
-        f"beside the wheels' the LiDAR's way is {100.0 * (heading.scale - 1.0):+.2f} % longer and turns by "
+        f"rotate the cloud by roll {roll:.2f}, pitch {pitch:.2f} (+- {one:.3f}), yaw {yaw:.2f} (+- {turn:.3f}) deg",
+        f"the sensor is {tilt.height_m:.3f} m above the ground (+- {tilt.height_deviation_m:.4f}), not {z:.3f}",
+        f"residuals: ground {1e3 * tilt.ground_rms_m:.0f} mm rms, steps {1e3 * _rms(heading.residuals_m[:, 0]):.0f} mm "
+        f"along and {1e3 * _rms(heading.residuals_m[:, 1]):.0f} mm across the path",
+        f"compared with wheel odometry, the LiDAR's path is {100.0 * (heading.scale - 1.0):+.2f} % longer and turns by "
         f"{np.degrees(heading.turn_radpm):+.2f} deg/m more",
-        "write into config/robot.yaml, range_sensors, lidar, and record another ride to see them near zero:",
+        "write into config/robot.yaml, range_sensors, lidar, then record another ride: corrections must be near zero:",
         f"  xyz_m: [{x:g}, {y:g}, {tilt.height_m:.3f}]",
         f"  rpy_deg: [{rpy}]",
     ]
@@ -87,7 +86,7 @@ def draw_mount(found: MountFound, file: Path) -> None:
     right.plot(residuals[:, 0], residuals[:, 1], ".", alpha=0.6)
     right.axhline(0.0, color="0.7")
     right.axvline(0.0, color="0.7")
-    right.set(xlabel="along the way, mm", ylabel="across, mm", title="steps of LiDAR and wheels: what is left")
+    right.set(xlabel="along the path, mm", ylabel="across, mm", title="steps of LiDAR and wheels: residuals")
     figure.tight_layout()
     try:
         figure.savefig(file, dpi=_DPI)

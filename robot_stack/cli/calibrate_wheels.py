@@ -54,9 +54,9 @@ def untold(learnt: Learnt, settings: CalibrationSettings) -> str:
     if not learnt.readings:
         return f"there is no motion in {topics.JOINT_STATES.name}"
     if max(learnt.radius_deviations) > _TOLD * settings.radius_deviation:
-        return "the ride does not tell the wheels' radii: drive straight, for longer"
+        return "the ride does not determine the wheel radii: drive straight for longer"
     if max(learnt.zero_deviations_rad) > _TOLD * settings.zero_deviation_rad:
-        return "the ride does not tell the steering zeros: drive straight and sideways, for longer"
+        return "the ride does not determine the steering zeros: drive straight and sideways for longer"
     return ""
 
 
@@ -71,16 +71,16 @@ def lines_of(learnt: Learnt) -> list[str]:
         strict=True,
     )
     return [
-        f"{learnt.readings} readings in motion; what no rigid motion explains of a wheel's way: "
-        f"{1e6 * learnt.unlike_m:.0f} um a reading, {1e6 * learnt.left_m:.0f} um with the correction",
-        "module   wheel greater by           steering encoder shows too much",
+        f"{learnt.readings} readings in motion; residual of a rigid motion per wheel: "
+        f"{1e6 * learnt.unlike_m:.0f} um per reading, {1e6 * learnt.left_m:.0f} um with the correction",
+        "module   error of the wheel radius  offset of the steering encoder",
         *(
             f"{name:<6}{100 * radius:+9.3f} % +- {100 * radius_sigma:.3f} {math.degrees(zero):+16.3f} deg "
             f"+- {math.degrees(zero_sigma):.3f}"
             for name, radius, radius_sigma, zero, zero_sigma in rows
         ),
-        "Differences between the wheels: what all have in common they cannot know of each other.",
-        "The swerve controller learns the same while it rides. Zeros beyond 0.1 deg are worth adjusting at the module.",
+        "Differences between the wheels; an error common to all wheels is not observable.",
+        "The swerve controller estimates the same values while driving. Adjust zeros beyond 0.1 deg at the module.",
     ]
 
 
@@ -97,7 +97,10 @@ def draw_wheels(learnt: Learnt, file: Path) -> None:
         [math.degrees(value) for value in learnt.zero_errors_rad],
         [3.0 * math.degrees(value) for value in learnt.zero_deviations_rad],
     )
-    for axes, (values, bars), what in ((left, percent, "wheel greater by, %"), (right, degrees, "shows too much, deg")):
+    for axes, (values, bars), what in (
+        (left, percent, "wheel radius error, %"),
+        (right, degrees, "encoder offset, deg"),
+    ):
         axes.bar(list(MODULES), values, yerr=bars, color="tab:blue", alpha=0.7, capsize=4)
         axes.axhline(0.0, color="0.5")
         axes.set(ylabel=what)

@@ -89,7 +89,7 @@ def calibrate(pictures: Mapping[str, Grey], params: CharucoParams) -> Calibratio
         points, corners, size, np.eye(3), np.zeros(5), flags=cv2.CALIB_FIX_K3
     )
     if not (np.isfinite(k).all() and np.isfinite(d).all()):
-        raise CalibrationError("the calibration did not converge: the pictures are too much alike")
+        raise CalibrationError("the calibration did not converge: the pictures are too similar")
     bends = [float(value) for value in np.ravel(d)[:5]]
     intrinsics = Intrinsics(
         size[0],
@@ -128,7 +128,7 @@ def _check_enough(used: int, given: int, params: CharucoParams) -> None:
 def _check_spread(corners: NDArray[np.float32], size: tuple[int, int]) -> None:
     reach = (corners.max(axis=0) - corners.min(axis=0)) / np.array(size)
     if reach.min() < _SMALLEST_SPREAD:
-        raise CalibrationError("the board stays in one place of the pictures: move it to the edges and corners too")
+        raise CalibrationError("the board is at one position in all pictures: move it to the edges and corners too")
 
 
 def write_board_pdf(path: Path, params: CharucoParams) -> None:

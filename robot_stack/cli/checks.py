@@ -70,7 +70,7 @@ def compiler() -> Iterable[Finding]:
 
 def cores() -> Iterable[Finding]:
     count = len(os.sched_getaffinity(0))
-    advice = "" if count >= 2 else "give it two cores: stack and simulation together need more than one"
+    advice = "" if count >= 2 else "provide two cores: stack and simulation together need more than one"
     yield Finding("cores", Level.OK if count >= 2 else Level.NOTE, f"{count} usable", advice)
     governor = Path("/sys/devices/system/cpu/cpu0/cpufreq/scaling_governor")
     if governor.is_file() and governor.read_text().strip() == "powersave":
@@ -83,7 +83,7 @@ def rights() -> Iterable[Finding]:
 
     missing = [right for right in asked_for(load_params()) if not right.granted]
     for right in missing:
-        advice = "sudo launch_scripts/grant_rights, then log in anew; the simulation works without"
+        advice = "sudo launch_scripts/grant_rights, then log in again; the simulation works without"
         yield Finding("rights", Level.NOTE, f"no {right.name}: {right.purpose}", advice)
     if not missing:
         yield Finding("rights", Level.OK, "real-time priority, nice values below 0, locked memory")
@@ -126,7 +126,7 @@ def clock() -> Iterable[Finding]:
     state = ctypes.CDLL(None).adjtimex(ctypes.create_string_buffer(512))
     if state == 5:
         yield Finding(
-            "clock", Level.NOTE, "not synchronised", "recordings of two computers will not fit: install chrony"
+            "clock", Level.NOTE, "not synchronised", "recordings of two computers are not synchronised: install chrony"
         )
     else:
         yield Finding("clock", Level.OK, time.strftime("%Y-%m-%d %H:%M:%S %Z"))
@@ -137,7 +137,7 @@ def network() -> Iterable[Finding]:
     if reach in ("LOCALHOST", "OFF"):
         yield Finding("network", Level.OK, f"discovery range {reach}")
     else:
-        advice = "unset ROS_AUTOMATIC_DISCOVERY_RANGE unless other computers shall take part"
+        advice = "unset ROS_AUTOMATIC_DISCOVERY_RANGE unless other computers participate"
         yield Finding(
             "network", Level.NOTE, f"discovery range {reach}: others on the network can move the robot", advice
         )

@@ -21,7 +21,7 @@ def coverage(
     layout: Annotated[
         str | None, typer.Option(help="A layout of config/coverage_layouts.yaml instead of the robot's sensors.")
     ] = None,
-    compare: Annotated[bool, typer.Option("--compare", help="All those layouts beside each other.")] = False,
+    compare: Annotated[bool, typer.Option("--compare", help="Compare all layouts.")] = False,
 ) -> None:
     """What the sensors of config/robot.yaml see around the robot, with and without wheelchair and passenger."""
     from robot_stack.core.docks import load_docks
@@ -75,7 +75,7 @@ def _draw(folder: Path, seen: dict[str, Seen], standing: dict[str, Body], params
 
     folder.mkdir(parents=True, exist_ok=True)
     for name, view in seen.items():
-        for kind, what, maps in (("thing", "a thing up to", view.things), ("map", "seen at", view.maps)):
+        for kind, what, maps in (("thing", "an object up to", view.things), ("map", "seen at", view.maps)):
             for height, points in maps.items():
                 file = folder / f"{kind}_{round(10.0 * height):02d}_{name}.png"
                 draw(view.grid, points, params.points_min, standing[name], f"{name}: {what} {height:g} m", file)

@@ -35,7 +35,7 @@ def replay_recording(recording: Path, output: Path | None, json_file: Path | Non
     _make_folder(folder)
     traces, damages = collect(files, params)
     for damage in damages:
-        print(f"warning: {damage}; what follows stops there", file=sys.stderr)
+        print(f"warning: {damage}; the report ends there", file=sys.stderr)
     limits, docks = limits_of(params), load_docks()
     found = [numbers(trace, limits, docks) for trace in traces]
     for number, (trace, docking) in enumerate(zip(traces, found, strict=True), 1):

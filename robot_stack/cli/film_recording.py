@@ -86,7 +86,7 @@ class _Reader:
         robot = truth or self._believed
         if len(robot) < 2:
             names = f"{topics.CURRENT_POSE.name} or {topics.SIM_BODIES.name}"
-            raise CommandError(f"{path}: no ride is in it: nothing on {names}", WRONG_USE)
+            raise CommandError(f"{path}: contains no ride: no message on {names}", WRONG_USE)
         track = Track(robot)
         others = {name: Track(samples) for name, samples in self._tracks.items()}
         if WHEELCHAIR not in others:

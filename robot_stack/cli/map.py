@@ -44,7 +44,7 @@ def teach(
     ] = None,
     picture: Annotated[
         Path | None,
-        typer.Option(help="PNG of the growing map, drawn anew every 2 s; by default growing.png in the recording."),
+        typer.Option(help="PNG of the growing map, redrawn every 2 s; by default growing.png in the recording."),
     ] = None,
 ) -> None:
     """Teach a map: drive by hand while the map grows; Ctrl-C builds it.

@@ -102,25 +102,25 @@ def lines_of(site: SiteMap) -> list[str]:
         f"{grid.get('free_m2', '?')} m2 free",
         f"ride: {ride.get('length_m', '?')} m in {ride.get('duration_s', '?')} s, {ride.get('sweeps', '?')} sweeps, "
         f"recorded {about.get('recorded', '?')}",
-        f"loops closed: {found.get('loops_closed', '?')}; a loop is missed by at most "
-        f"{found.get('wheel_odometry_worst_loop_m', '?')} m by wheel odometry, "
-        f"{found.get('lidar_odometry_worst_loop_m', '?')} m by LiDAR odometry, "
-        f"{found.get('map_worst_loop_m', '?')} m in the map",
+        f"loops closed: {found.get('loops_closed', '?')}; largest error at a loop closure: "
+        f"{found.get('wheel_odometry_worst_loop_m', '?')} m of wheel odometry, "
+        f"{found.get('lidar_odometry_worst_loop_m', '?')} m of LiDAR odometry, "
+        f"{found.get('map_worst_loop_m', '?')} m of the map",
         f"error at the end of the ride: wheel odometry {found.get('wheel_odometry_end_error_m', '?')} m, "
         f"LiDAR odometry {found.get('lidar_odometry_end_error_m', '?')} m",
     ]
     loops = sorted(found.get("loops", []), key=lambda loop: -float(loop["wheel_odometry_m"]))
     lines += [
-        f"  seen at {loop['from_s']:g} s and {loop['to_s']:g} s of the ride: wheel odometry misses it by "
-        f"{loop['wheel_odometry_m']:.3f} m, LiDAR odometry by {loop['lidar_odometry_m']:.3f} m, "
-        f"the map by {loop['map_m']:.3f} m"
+        f"  loop between {loop['from_s']:g} s and {loop['to_s']:g} s of the ride: error of wheel odometry "
+        f"{loop['wheel_odometry_m']:.3f} m, LiDAR odometry {loop['lidar_odometry_m']:.3f} m, "
+        f"map {loop['map_m']:.3f} m"
         for loop in loops[:_MOST_LOOPS]
     ]
     if len(loops) > _MOST_LOOPS:
-        lines.append(f"  and {len(loops) - _MOST_LOOPS} loops that are missed by less: map.yaml has them")
+        lines.append(f"  and {len(loops) - _MOST_LOOPS} loops with smaller errors: see map.yaml")
     if found.get("loops_closed") == 0:
-        lines.append("no place was seen twice: the map has the drift of odometry, which nothing here can tell")
-        lines.append("ride again, cross your own way and end where you began (docs/mapping.md)")
+        lines.append("no loop was closed: the map contains the drift of the odometry, whose size is unknown")
+        lines.append("drive again, cross the driven path and end at the start (docs/mapping.md)")
     return lines
 
 
@@ -128,7 +128,7 @@ def problems_of(site: SiteMap) -> list[str]:
     """Defects that make a map with intact files unusable, and missing entries of its map.yaml."""
     problems = []
     if not len(site.cells.count):
-        problems.append(f"{site.name}: there is no cell in it")
+        problems.append(f"{site.name}: contains no cell")
     if not (site.grid.occupancy == FREE).any():
         problems.append(f"{site.name}: no part of the grid is free")
     missing = [key for key in ("frame", "made_from", "begins_at", "ride", "drift") if key not in site.about]

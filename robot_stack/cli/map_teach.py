@@ -41,7 +41,7 @@ _INTERRUPTED = 130
 _PICTURE = "growing.png"
 # Sweeps that wait to be drawn.
 _MOST_LATE = 10
-_LATE = "this computer is slow: what is shown lags behind; what is recorded does not"
+_LATE = "this computer is slow: the picture lags behind, the recording does not"
 
 
 def teach_map(
@@ -50,7 +50,7 @@ def teach_map(
     """Raises CommandError, ConfigError."""
     folder, start = wanted(name, output, origin)
     if folder.exists():
-        raise CommandError(f"{folder} is there already: choose another name, or remove it", WRONG_USE)
+        raise CommandError(f"{folder} exists already: choose another name, or remove it", WRONG_USE)
     _need_writable(folder)
     if picture is not None and not picture.absolute().parent.is_dir():
         raise CommandError(f"{picture} cannot be written: there is no folder {picture.absolute().parent}", WRONG_USE)
@@ -66,24 +66,24 @@ def teach_map(
             growing = GrowingMap(params, start)
             write_picture(taught_picture(growing, params.grid.resolution_m, params.teach.picture_px), shown)
             print(f"recording: {target}")
-            print(f"picture, drawn anew every {params.teach.picture_s:g} s: {shown}")
+            print(f"picture, redrawn every {params.teach.picture_s:g} s: {shown}")
             print(f"stand still for {params.teach.begin_s:g} s, then drive by hand; Ctrl-C ends the ride", flush=True)
             with TaughtRide(heard, writer, params.sweeps, load_robot(), params.teach) as ride:
                 _watch(ride, writer, growing, params, shown, ending, finish)
         finally:
             writer.close()
         if writer.problem:
-            raise CommandError(f"recording has stopped: {writer.problem}; what is recorded: {finish}")
+            raise CommandError(f"recording has stopped: {writer.problem}; to build the map so far: {finish}")
         print(f"the ride ends: {growing.driven_m:.1f} m, {ride.sweeps} sweeps; recorded in {target}")
         if ending.for_good:
-            raise CommandError(f"ended; the map of this ride: {finish}", _INTERRUPTED)
+            raise CommandError(f"ended; to build the map of this ride: {finish}", _INTERRUPTED)
     try:
         print("the map is built now, which may take minutes; Ctrl-C leaves the recording", flush=True)
         os.nice(_NICE)
         build_from_recording(target, name, output, origin, plot=True)
     except KeyboardInterrupt:
         # An interrupted build leaves an incomplete map, which is invalid without its map.yaml.
-        raise CommandError(f"interrupted; the map of this ride: {finish}", _INTERRUPTED) from None
+        raise CommandError(f"interrupted; to build the map of this ride: {finish}", _INTERRUPTED) from None
     except CommandError as error:
         raise CommandError(f"{error}; the recording stays in {target}", error.code) from None
 
@@ -103,7 +103,7 @@ def _recording_folder(name: str, chosen: Path | None, recorder: RecorderParams) 
         when = time.strftime("%Y%m%d-%H%M%S", time.gmtime())
         return recordings_dir(recorder.output_folder) / f"teach-{name}-{when}"
     if chosen.exists():
-        raise CommandError(f"{chosen} is there already: a recording is a new folder", WRONG_USE)
+        raise CommandError(f"{chosen} exists already: a recording needs a new folder", WRONG_USE)
     return chosen.absolute()
 
 
@@ -194,7 +194,7 @@ def _watch(
     terminal.line(status_line(growing))
     terminal.end()
     if isinstance(ride.problem, ValueError):
-        raise CommandError(f"{ride.problem}; what is recorded: {finish}")
+        raise CommandError(f"{ride.problem}; to build the map so far: {finish}")
     if ride.problem is not None:
         raise ride.problem
 

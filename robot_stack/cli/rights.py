@@ -44,7 +44,7 @@ def rights(params: SupervisorParams) -> tuple[Right, ...]:
             _allowed(resource.RLIMIT_RTPRIO, _CAP_SYS_NICE),
             "rtprio",
             str(priority),
-            "what stops the wheels may be late: false JOINT_STATES_TIMEOUT and DRIVE_FAULT",
+            "the processes that stop the wheels may be late: false JOINT_STATES_TIMEOUT and DRIVE_FAULT",
         ),
         Right(
             "nice values below 0",

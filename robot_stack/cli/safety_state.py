@@ -32,7 +32,7 @@ def settled_safety(deadline_s: float) -> dict[str, Any] | None:
 def safety_lines(safety: dict[str, Any] | None) -> list[str]:
     """The state, and if the robot must not move: the cause and its release."""
     if safety is None:
-        return ["safety: the safety monitor says nothing"]
+        return ["safety: no status of the safety monitor"]
     faults = list(safety["faults"])
     if not safety["emergency"]:
         passing = f": {', '.join(faults)}; clears when the cause is gone" if faults else ""

@@ -35,14 +35,14 @@ def up(
     settings: Settings = None,
     only: Annotated[list[str] | None, typer.Option("--only", help="Run just this process; may be repeated.")] = None,
     speed: Annotated[
-        float | None, typer.Option(help="Speed of the simulated world, times real time at the most.")
+        float | None, typer.Option(help="Maximum speed of the simulated world relative to real time.")
     ] = None,
     system_time: Annotated[
         bool,
-        typer.Option("--system-time", help="The simulated world waits for nobody; nodes live on the system clock."),
+        typer.Option("--system-time", help="The simulated world waits for no node; nodes use the system clock."),
     ] = False,
     foreground: Annotated[
-        bool, typer.Option("--foreground", "-f", help="Stay; Ctrl-C or SIGTERM stops the stack. For systemd.")
+        bool, typer.Option("--foreground", "-f", help="Run in the foreground, for systemd; Ctrl-C stops the stack.")
     ] = False,
     log_dir: Annotated[
         Path | None, typer.Option(help="Folder of the logs, by default ~/.local/state/robot_stack/logs.")
@@ -78,13 +78,11 @@ def up(
         with contextlib.suppress(NotRunning, TimeoutError):
             status = ask("status")
     if progress.pace_text(status):
-        print(
-            f"{progress.pace_text(status)}: this machine is too slow for real time, and the world waits for its robot"
-        )
+        print(f"{progress.pace_text(status)}: this machine is too slow for real time; the world waits for the nodes")
 
 
 def down() -> None:
-    """Stop the stack of this ROS domain, whatever state it is in, and leave nothing behind."""
+    """Stop the stack of this ROS domain in any state, with all its processes."""
     from robot_stack.supervisor import client
 
     try:

@@ -83,7 +83,7 @@ _COLUMNS: tuple[Column, ...] = (
 
 def _safety(safety: dict[str, Any]) -> str:
     if safety["age_s"] > _SAFETY_STALE_S:
-        return f"the safety monitor is silent for {safety['age_s']:.0f} s"
+        return f"no status of the safety monitor for {safety['age_s']:.0f} s"
     return f"{safety['state']}{': ' + ', '.join(safety['faults']) if safety['faults'] else ''}"
 
 
@@ -111,7 +111,7 @@ def _summary(status: dict[str, Any]) -> list[tuple[str, str]]:
     if status["safety"]:
         lines.insert(0, ("safety", _safety(status["safety"])))
     if pace_text(status):
-        lines.append(("world", f"{pace_text(status)}: it waits for a stack that has no time to follow"))
+        lines.append(("world", f"{pace_text(status)}: the world waits for nodes that lack processor time"))
     if status["missing"]:
         lines.append(("not built", ", ".join(status["missing"])))
     if status["without_node"]:

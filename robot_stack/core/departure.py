@@ -16,7 +16,7 @@ from robot_stack.core.config import Config
 from robot_stack.core.geometry import Twist2
 
 # The node's status text while it warns.
-SETTING_OUT = "about to set out: warning people around"
+SETTING_OUT = "about to start: warning persons around the robot"
 
 
 class DepartureParams(Config):

@@ -69,9 +69,9 @@ class Pattern(Config):
         lit = self.motion != "dark"
         told = self.pictogram != "none" and all((self.text.en, self.text.ja, self.text.zh))
         if lit != (self.colour != "none") or ((lit or self.sound != "none") and not told):
-            raise ValueError(f"{self.name}: a colour or a sound never comes without pictogram and text")
+            raise ValueError(f"{self.name}: a colour or a sound needs a pictogram and a text")
         if self.colour == "red" and self.frequency_hz > RED_LIMIT_HZ:
-            raise ValueError(f"{self.name}: red never flashes faster than {RED_LIMIT_HZ:g} Hz")
+            raise ValueError(f"{self.name}: red must not flash faster than {RED_LIMIT_HZ:g} Hz")
         return self
 
 

@@ -131,7 +131,7 @@ class Mission(Config):
     def _names_are_unique(cls, waypoints: tuple[Waypoint, ...]) -> tuple[Waypoint, ...]:
         twice = [name for name, count in Counter(waypoint.name for waypoint in waypoints).items() if count > 1]
         if twice:
-            raise ValueError(f"every waypoint needs a name of its own: {', '.join(twice)} is used more than once")
+            raise ValueError(f"every waypoint needs a unique name: {', '.join(twice)} is used more than once")
         return waypoints
 
     def name_in(self, language: str) -> str:
@@ -156,11 +156,11 @@ def docking_problem(mission: Mission, docks: Mapping[str, str], passenger_attach
                 return index, f"{where}: there is no dock {dock_id!r}; known: {', '.join(sorted(docks)) or 'none'}"
             if aboard or station:
                 held = f"docked to {station!r}" if station else "carrying a wheelchair"
-                return index, f"{where} asks to dock to {dock_id!r}, but the robot is already {held} then: undock first"
+                return index, f"{where} docks to {dock_id!r}, but the robot is already {held} then: undock first"
             aboard, station = docks[dock_id] == "wheelchair", dock_id if docks[dock_id] == "station" else ""
         elif kind is Kind.UNDOCK:
             if not (aboard or station):
-                return index, f"{where} asks to undock, but no wheelchair is attached then and no dock comes before"
+                return index, f"{where} undocks, but no wheelchair is attached then and no dock precedes it"
             aboard, station = False, ""
         elif station:
             return index, f"{where} leaves the dock {station!r} without an undock before"

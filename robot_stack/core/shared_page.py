@@ -29,7 +29,7 @@ class SharedPage:
         try:
             if os.fstat(descriptor).st_size < size:
                 if not create:
-                    raise FileNotFoundError(f"{path} is being made")
+                    raise FileNotFoundError(f"{path} is being created")
                 os.ftruncate(descriptor, size)
             self._map = mmap.mmap(descriptor, size)
         finally:

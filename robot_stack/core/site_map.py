@@ -80,7 +80,7 @@ def load_map(name: str) -> SiteMap:
     for file, expected in about.get("sha256", {}).items():
         path = folder / file
         if not path.is_file() or _digest(path) != expected:
-            raise ConfigError(f"map {folder}: {file} is missing or is not the file that the map was saved with")
+            raise ConfigError(f"map {folder}: {file} is missing or differs from the file that was saved with the map")
     if set(about.get("sha256", {})) != {_CELLS, _GRID, _GRID_YAML}:
         raise ConfigError(f"map {folder}: {_ABOUT} lists no checksums of {_CELLS}, {_GRID} and {_GRID_YAML}")
     return SiteMap(folder.name, _read_cells(folder / _CELLS), _read_grid(folder), about)
@@ -162,7 +162,7 @@ def _read_grid(folder: Path) -> Grid:
         occupancy[picture == _SHADES[OCCUPIED]] = OCCUPIED
         x, y, yaw = about["origin"]
         if yaw != 0.0:
-            raise ValueError("a turned origin is not supported")
+            raise ValueError("a rotated origin is not supported")
         return Grid(float(about["resolution"]), float(x), float(y), occupancy)
     except (KeyError, ValueError, TypeError) as error:
         raise ConfigError(f"map {folder}: {_GRID}: {error}") from error

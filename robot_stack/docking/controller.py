@@ -306,7 +306,7 @@ class DockingController:
     def _docked(self, view: View) -> Result:
         assert self._dock is not None
         problem = self._learn(self._dock) if self._dock.kind == "wheelchair" else ""
-        self._phase = Latched("docked" + (f"; nothing learnt: {problem}" if problem else ""))
+        self._phase = Latched("docked" + (f"; no correction stored: {problem}" if problem else ""))
         return self._result(DockCode.NONE, "", view)
 
     def _learn(self, dock: Dock) -> str:

@@ -34,7 +34,7 @@ def learnt(
     error.
     """
     if not sighted:
-        return "the board was not seen at the closed latch"
+        return "the board was not detected at the closed latch"
     count = len(sighted)
     first = sighted[0]
     mean = Pose2(
@@ -47,7 +47,7 @@ def learnt(
     if not found.is_finite() or math.hypot(beside.x, beside.y) > largest_m or abs(beside.yaw) > largest_rad:
         return (
             f"camera and latch differ by {1e3 * math.hypot(beside.x, beside.y):.1f} mm and "
-            f"{math.degrees(abs(beside.yaw)):.2f} deg: a camera or a board is out of place"
+            f"{math.degrees(abs(beside.yaw)):.2f} deg: a camera or a board is displaced"
         )
     if not before.dockings:
         return Correction(found, 1)

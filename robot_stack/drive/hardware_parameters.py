@@ -45,9 +45,7 @@ class SwerveHardwareParams(Config):
     @model_validator(mode="after")
     def _silence_is_answered_here_first(self) -> SwerveHardwareParams:
         if self.command_lifetime_s <= _COMMAND_STALE_S:
-            raise ValueError(
-                f"command_lifetime_s must be above {_COMMAND_STALE_S}: such silence is answered by the node"
-            )
+            raise ValueError(f"command_lifetime_s must be above {_COMMAND_STALE_S}: the node handles shorter timeouts")
         return self
 
 

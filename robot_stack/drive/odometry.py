@@ -144,7 +144,7 @@ class SwerveOdometry:
         interval = self._interval(last, reading)
         believed, faults = self._plausible(interval)
         if len(believed) < _FEWEST_MODULES:
-            faults.append(f"fewer than {_FEWEST_MODULES} modules can be believed: the pose stands still")
+            faults.append(f"fewer than {_FEWEST_MODULES} modules are plausible: the pose is not updated")
             self._previous = None
             return replace(self._odometry, twist=ZERO_TWIST, slipping=True, used=(), faults=tuple(faults))
         pose, motion, fit = self._moved(interval, believed)
@@ -258,7 +258,7 @@ class SwerveOdometry:
 
 
 def _jump(joint: str, unit: str, change: float, most: float, elapsed_s: float) -> str:
-    return f"{joint} jumped by {change:.3f} {unit} in {elapsed_s:.3f} s, at most {most:.3f} {unit}: not believed"
+    return f"{joint} jumped by {change:.3f} {unit} in {elapsed_s:.3f} s, at most {most:.3f} {unit}: rejected"
 
 
 def _propagated(p: Matrix3, old: Pose2, new: Pose2, growth: tuple[float, float]) -> Matrix3:

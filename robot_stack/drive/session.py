@@ -143,7 +143,7 @@ class DriveSession:
                 return Stage.STOPPED, "emergency stop, waiting for the safety monitor"
             self._engine.ask(_RELEASE, lambda engine: engine.core_motion.ReleaseEStop())
             return Stage.STOPPED, self._engine.refusal(_RELEASE, "emergency stop released")
-        cause = self._tripped or "an emergency stop that nobody here asked for"
+        cause = self._tripped or "an emergency stop of another source"
         return Stage.TRIPPED, f"{cause}; needs an emergency stop and its release"
 
     def _alarms(self, snapshot: StatusSnapshot, now_s: float) -> tuple[Stage, str] | None:

@@ -186,7 +186,7 @@ class Link:
         command = self._retry(now_s)
         if not self._talking and now_s - self._silent_since_s >= self._params.reopen_s:
             # A hanging adapter recovers only when reopened.
-            self.lost(f"the display has been silent for {self._params.reopen_s:g} s", now_s)
+            self.lost(f"no data from the display for {self._params.reopen_s:g} s", now_s)
             return PortOrder(close=True)
         command = self._overtaking(now_s) or command
         if command is None and self._sent is None:
@@ -225,7 +225,7 @@ class Link:
         self._talking = self._linked = False
         self._forget()
         self._silent_since_s = self._probed_s = now_s
-        self._problem = f"no acknowledge of {sent.command.text!r} after {sent.tries} tries"
+        self._problem = f"no acknowledgement of {sent.command.text!r} after {sent.tries} tries"
         return None
 
     def _overtaking(self, now_s: float) -> Command | None:

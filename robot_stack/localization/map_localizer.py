@@ -109,7 +109,7 @@ class MapLocalizer(Localizer):
         self._sweep = None
         travelled = self.travelled.at(stamp_s)
         if travelled is None or stamp_s <= self._asked_s:
-            self._problem = "sweep is older than the odometry that is known"
+            self._problem = "sweep is older than the odometry history"
             return None
         self._asked_s = stamp_s
         state = self._filter.state()
@@ -218,7 +218,7 @@ class MapLocalizer(Localizer):
         if match.structure >= gate.min_structure_points:
             self._apply_match(answer.request, match, steady_s)
         elif answer.unseen > gate.max_unseen_share:
-            self._problem = f"{answer.unseen:.0%} of the directions lack what the map has there"
+            self._problem = f"{answer.unseen:.0%} of the directions lack the returns that the map predicts"
             self._localization.refuse()
         else:
             self._problem = f"{match.structure} points above the ground, {gate.min_structure_points} are needed"
@@ -283,7 +283,7 @@ class MapLocalizer(Localizer):
         return np.array(rows)
 
     def _map_faults(self) -> tuple[str, ...]:
-        faults = [self._problem, "wheels slip: the map sees another way" if self.slip else ""]
+        faults = [self._problem, "wheels slip: map and wheels disagree on the motion" if self.slip else ""]
         if self._localization.state is not Confidence.TRACKING:
             faults.append(self._localization.state.value)
         if self._repeats >= self._ndt.gate.frozen_sweeps:

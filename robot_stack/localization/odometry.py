@@ -50,7 +50,7 @@ class OdometryEvent(Enum):
     FIRST = "first reading"
     MOTION = "motion"
     RESTARTED = "odometry restarted: pose held, uncertainty raised"
-    CLOCK_RESTARTED = "clock went back: odometry taken up anew"
+    CLOCK_RESTARTED = "clock moved backwards: odometry restarted"
     LATE = "reading older than the last one: ignored"
     UNUSABLE = "reading not finite: ignored"
 

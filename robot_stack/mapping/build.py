@@ -123,7 +123,7 @@ def _static(
 ) -> tuple[list[Floats], float]:
     """(sweeps without moving objects, share of points left out)."""
     surface = _surface(sweeps, poses, params)
-    tick = _ticks(progress, "finding what moved", len(sweeps))
+    tick = _ticks(progress, "finding moving objects", len(sweeps))
     votes = votes_of(sweeps, poses, np.asarray(robot.lidar_xyz_m), params.moving_objects, tick)
     kept = []
     for points, pose in zip(sweeps, poses, strict=True):

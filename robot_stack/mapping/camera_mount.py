@@ -49,8 +49,8 @@ def camera_mount_of(base: Floats, seen: Floats, nominal: Floats, settings: Setti
     turn_deg = math.degrees(float(np.ptp(np.unwrap(yaw_of(base)))))
     if turn_deg < settings.least_turn_deg:
         raise RideError(
-            f"the robot turned by {turn_deg:.0f} deg only while it saw the board, wanted {settings.least_turn_deg:g}: "
-            "turn to and fro before it"
+            f"the robot turned by only {turn_deg:.0f} deg with the board in view, at least "
+            f"{settings.least_turn_deg:g} deg are needed: turn left and right in front of the board"
         )
     board = base[0] @ nominal @ seen[0]
 
@@ -113,12 +113,12 @@ def _check(found: CameraMountFound, settings: Settings) -> None:
     angle_deg = math.degrees(float(found.angle_deviation_rad.max()))
     if not angle_deg <= settings.deviation_deg:
         raise RideError(
-            f"the angles are known to {angle_deg:.2f} deg only, wanted {settings.deviation_deg:g}: drive farther to "
-            "and fro and sideways before the board, for longer"
+            f"the deviation of the angles is {angle_deg:.2f} deg, at most {settings.deviation_deg:g} deg is allowed: "
+            "drive farther back and forth and sideways in front of the board, for longer"
         )
     place_m = float(found.place_deviation_m.max())
     if not place_m <= settings.deviation_m:
         raise RideError(
-            f"the place is known to {1e3 * place_m:.1f} mm only, wanted {1e3 * settings.deviation_m:g}: turn farther "
-            "to both sides before the board, for longer"
+            f"the deviation of the position is {1e3 * place_m:.1f} mm, at most {1e3 * settings.deviation_m:g} mm is "
+            "allowed: turn farther to both sides in front of the board, for longer"
         )

@@ -99,9 +99,9 @@ class Collector:
     def _check(self) -> None:
         s = self._settings
         if not self.heard:
-            raise RideError("there is no sweep of the LiDAR in the recording")
+            raise RideError("the recording contains no LiDAR sweep")
         if not self._odometry:
-            raise RideError("there is no odometry in the recording")
+            raise RideError("the recording contains no odometry")
         if len(self._sweeps) < s.fewest:
             why = f"{self.heard} were recorded"
             if self.without_odometry:

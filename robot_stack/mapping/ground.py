@@ -82,7 +82,7 @@ def surface_of(bins: Bins, way: Floats, settings: GridSettings) -> Surface:
     _flood(height, chosen, starts, heights, seeds, way[:, 2], climb)
     reached = np.isfinite(height)
     if not reached.any():
-        raise ValueError("no ground was seen under the driven way")
+        raise ValueError("no ground was measured under the driven path")
     near = distance_transform_edt(~reached, return_distances=False, return_indices=True)
     points = np.where(chosen >= 0, np.append(counts, 0)[chosen], 0)
     return Surface(bins.resolution_m, first, height[near[0], near[1]], reached, points)

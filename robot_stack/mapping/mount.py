@@ -45,13 +45,15 @@ def mount_of(ride: Ride, params: MappingParams, robot: Robot) -> MountFound:
     pairs = steps_of(driven, settings.step_m)
     distance_m = len(pairs) * settings.step_m
     if distance_m < settings.shortest_m:
-        raise RideError(f"the ride of {distance_m:.1f} m is too short to tell the heading: {settings.shortest_m:g} m")
+        raise RideError(
+            f"the ride of {distance_m:.1f} m is too short for the heading: at least {settings.shortest_m:g} m"
+        )
     seen, matched = lidar_odometry(levelled, driven, params.lidar_odometry)
     whole = [(first, last) for first, last in pairs if matched[first + 1 : last + 1].all()]
     if len(whole) < 0.5 * len(pairs):
-        raise RideError(f"too little stands above the ground: only {len(whole)} of {len(pairs)} steps could be matched")
+        raise RideError(f"too little structure above the ground: only {len(whole)} of {len(pairs)} steps are matched")
     heading = heading_of(seen, driven, sensor[:2], whole)
-    _check("heading", heading.deviation_rad, settings.deviation_deg, "a longer ride among more structure tells it")
+    _check("heading", heading.deviation_rad, settings.deviation_deg, "drive longer, with more structure around")
     turned = rotation_of(np.array([0.0, 0.0, heading.yaw_rad])) @ tilt.rotation
     return MountFound(turned, tilt, heading, yaw, len(ride.sweeps))
 
@@ -67,13 +69,15 @@ def _tilt(ride: Ride, driven: Floats, params: MappingParams, sensor: Floats) -> 
         tilt = tilt_of(planes, yaw, max(1, len(steps_of(driven, settings.step_m))), sensor)
     except np.linalg.LinAlgError:
         raise RideError(
-            "the ride does not turn: a tilted mount cannot be told from sloping ground; drive a full circle"
+            "the ride does not turn: a tilted mount cannot be distinguished from sloping ground; drive a full circle"
         ) from None
-    _check("tilt", tilt.deviation_rad, settings.deviation_deg, "a full circle on even ground tells it")
+    _check("tilt", tilt.deviation_rad, settings.deviation_deg, "drive a full circle on even ground")
     return tilt, yaw
 
 
 def _check(what: str, deviation_rad: float, most_deg: float, advice: str) -> None:
     deviation_deg = math.degrees(deviation_rad)
     if not deviation_deg <= most_deg:
-        raise RideError(f"the {what} is known to {deviation_deg:.2f} deg only, wanted {most_deg:g}: {advice}")
+        raise RideError(
+            f"the deviation of the {what} is {deviation_deg:.2f} deg, allowed are {most_deg:g} deg: {advice}"
+        )

@@ -151,9 +151,9 @@ def warnings_of(inputs: Inputs, motion: Motion, growing: GrowingMap, settings: T
     s = settings
     found = []
     if inputs.points_age_s > s.silent_s:
-        found.append(f"no sweep of the LiDAR for more than {s.silent_s:g} s: stand until they come again")
+        found.append(f"no LiDAR sweep for more than {s.silent_s:g} s: stop until sweeps arrive")
     if inputs.odometry_age_s > s.silent_s:
-        found.append(f"no odometry for more than {s.silent_s:g} s: stand until it comes again")
+        found.append(f"no odometry for more than {s.silent_s:g} s: stop until it arrives")
     if inputs.imu_age_s > s.silent_s:
         found.append("no inertial unit: slopes and the gyro are missing")
     if inputs.lost:
@@ -161,13 +161,13 @@ def warnings_of(inputs: Inputs, motion: Motion, growing: GrowingMap, settings: T
     if inputs.without_odometry > max(_FEW, _FEW_SHARE * inputs.sweeps):
         found.append("sweeps without odometry are left out")
     if growing.by_lidar and not growing.matched:
-        found.append("no structure around: only the wheels tell the way")
+        found.append("no structure around: wheel odometry only")
     if motion.speed_mps > s.speed_mps or motion.turn_radps > s.turn_radps:
         found.append(f"too fast: at most {s.speed_mps:g} m/s and {math.degrees(s.turn_radps):.0f} deg/s")
     if motion.standing_s > s.idle_s:
-        found.append(f"standing for more than {s.idle_s:g} s: nothing new is seen; drive on, or end the ride")
+        found.append(f"at standstill for more than {s.idle_s:g} s: the map does not grow; drive on, or end the ride")
     if len(growing.by_lidar) > 1 and motion.longest_s < s.begin_s and motion.standing_s == 0.0:
-        found.append(f"not yet stood still for {s.begin_s:g} s: the gyro's bias does not show")
+        found.append(f"no standstill of {s.begin_s:g} s yet: the gyro's bias is unknown")
     if growing.apart[0] > s.apart_m + s.apart_share * growing.driven_m:
         found.append("LiDAR odometry and wheels disagree: slipping wheels, or too little structure around")
     return found

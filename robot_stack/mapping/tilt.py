@@ -120,7 +120,7 @@ def _levelling(normals: Floats) -> Floats:
 def _solve(design: Floats, values: Floats, weights: Floats) -> Floats:
     normal = design.T @ (weights[:, None] * design)
     if np.linalg.cond(normal) > 1e8:
-        raise np.linalg.LinAlgError("the headings are all alike")
+        raise np.linalg.LinAlgError("all headings are similar")
     solved = np.linalg.solve(normal, design.T @ (weights * values))
     return np.asarray(solved, np.float64)
 

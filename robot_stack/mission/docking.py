@@ -75,8 +75,8 @@ class Phase(Enum):
     NONE = "no task"
     WAITING = "the goal has not been sent yet"
     SENT = "the goal has not been accepted yet"
-    ACCEPTED = "the docking controller is at it"
-    ENDED = "the result is here"
+    ACCEPTED = "the docking controller executes it"
+    ENDED = "the result has arrived"
 
 
 class DockingCalls:
@@ -179,14 +179,14 @@ class DockingCalls:
         self._say(task, f"waiting for {awaited}")
         self._waited_s += dt_s
         limit_s = self._params.docking_wait_s
-        return effects, f"waited {limit_s:.0f} s in vain for {awaited}" if self._waited_s >= limit_s else None
+        return effects, f"timed out after {limit_s:.0f} s waiting for {awaited}" if self._waited_s >= limit_s else None
 
     def _awaited(self, inputs: Inputs) -> str:
         if not inputs.docking_served or not inputs.docking_state:
             return _SERVER
         if self._open is not None or inputs.docking_state in DOCKING:  # also by another client's goal
-            return f"{_SERVER} to end what it was doing"
-        return "" if route.standing(inputs.twist, self._params) else "the robot to stand"
+            return f"{_SERVER} to end its present goal"
+        return "" if route.standing(inputs.twist, self._params) else "standstill of the robot"
 
     def _watch(self, inputs: Inputs, dt_s: float) -> str | None:
         """The problem with an active goal."""
@@ -194,9 +194,9 @@ class DockingCalls:
         self._waited_s += dt_s
         self._silent_s = 0.0 if inputs.docking_state else self._silent_s + dt_s
         if not inputs.docking_state and not inputs.docking_served:
-            return f"{_SERVER} is gone"
+            return f"{_SERVER} is not available"
         if self._silent_s >= self._params.docking_silence_s:
-            return f"{_SERVER} has been silent for {self._params.docking_silence_s:.0f} s"
+            return f"no status of {_SERVER} for {self._params.docking_silence_s:.0f} s"
         if self._phase is Phase.SENT and self._waited_s >= self._params.docking_wait_s:
             return f"{_SERVER} has not answered for {self._params.docking_wait_s:.0f} s"
         if self._elapsed_s >= self._params.docking_timeout_s:

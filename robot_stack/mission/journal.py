@@ -179,7 +179,7 @@ def _from_json(text: str) -> Record:
         raise _Nonsense(f"its record cannot be read: {error!r}") from error
     problem = problem_of(record)
     if problem:
-        raise _Nonsense(f"its record makes no sense: {problem}")
+        raise _Nonsense(f"its record is inconsistent: {problem}")
     return record
 
 

@@ -47,7 +47,7 @@ _SAME_WAY_M = 5e-3
 # An unreachable goal is not planned again from a start within this distance.
 _SAME_START_M = 1.0
 _NO_ERROR = TrackingError(0.0, 0.0, 0.0)
-_EMERGENCY = "an emergency stop is in force: ask again after its release"
+_EMERGENCY = "an emergency stop is active: send the goal again after its release"
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,7 +234,7 @@ class NavigationController:
 
     def _step(self, located: Located, dt_s: float) -> Output:
         if self._state is NavigationState.HELD:
-            self._text = "waiting to stand still"
+            self._text = "waiting for standstill"
             if self._standing(located.twist):
                 self._begin(MotionState(located.pose))
         if self._state is NavigationState.DRIVING:

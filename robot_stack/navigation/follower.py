@@ -34,7 +34,7 @@ Array = npt.NDArray[np.float64]
 _SPACING_M = 0.1
 # After "no way", a robot moved by more than this is replanned.
 _MOVED_M = 0.5
-_PLANNING, _ALONG, _ASIDE = "planning a route", "driving along the route", "making room for somebody"
+_PLANNING, _ALONG, _ASIDE = "planning a route", "driving along the route", "giving way to a pedestrian"
 _NOWHERE = LocalMap(0.0, 1.0, 0.0, 0.0, np.zeros((1, 1), np.int8), np.full((1, 1), 10.0, np.float32))
 
 
@@ -158,8 +158,8 @@ class RouteFollower:
         slow = twist.speed() < p.follow.stuck_mps and abs(twist.omega) < 2.0 * p.follow.stuck_mps
         self._stuck_s = self._stuck_s + dt_s if slow else 0.0
         if cap.yields and speed < 0.2:
-            return Step(twist, "waiting for somebody to pass")
-        return Step(twist, "looking for a way past" if slow else _ALONG)
+            return Step(twist, "waiting for a pedestrian to pass")
+        return Step(twist, "blocked, searching for a path" if slow else _ALONG)
 
     def _local(self) -> LocalMap:
         return self._around.local if self._around.seeing and self._around.local is not None else _NOWHERE
@@ -257,7 +257,7 @@ class RouteFollower:
         if aside is not None:
             return Step(self._smoother.towards(aside, self._smoother.twist, limits.cruise, dt_s), _ASIDE)
         self._without_way_s += dt_s
-        text = f"the only way is blocked{self._where()}"
+        text = f"the only path is blocked{self._where()}"
         if self._without_way_s >= self._params.follow.give_up_s:
             return self._give_up(text, located)
         return Step(self._smoother.towards(ZERO_TWIST, self._smoother.twist, limits.cruise, dt_s), f"waiting: {text}")

@@ -50,7 +50,7 @@ def goal_problem(grid: PlanningGrid, footprint: Footprint, goal: Pose2, params: 
         return f"goal ({goal.x:.2f}, {goal.y:.2f}) lies outside the map"
     row, column = grid.cell(goal.x, goal.y)
     if grid.unknown[row, column] and not params.unknown_is_passable:
-        return f"goal ({goal.x:.2f}, {goal.y:.2f}) lies where the map knows nothing"
+        return f"goal ({goal.x:.2f}, {goal.y:.2f}) lies in unknown space of the map"
     pose = np.array([(goal.x, goal.y, goal.yaw)])
     clear_m = float(grid.clearance_m(outline(footprint), pose, known=True)[0]) - grid.half_cell_m
     if clear_m < params.goal_margin_m:
@@ -84,10 +84,10 @@ class GlobalPlanner:
         problem = ""
         for _ in range(self._params.tries):
             if self._stop.is_set:
-                return NoWay("not wanted any more")
+                return NoWay("cancelled")
             points = self._points(start, goal, footprint, closed)
             if points is None:
-                return NoWay(problem or f"no way from ({start.x:.1f}, {start.y:.1f}) to ({goal.x:.1f}, {goal.y:.1f})")
+                return NoWay(problem or f"no path from ({start.x:.1f}, {start.y:.1f}) to ({goal.x:.1f}, {goal.y:.1f})")
             route, tight = self._turned(points, start, goal, footprint)
             if route is not None:
                 return route

@@ -198,7 +198,7 @@ class GiveWayParams(Config):
     @model_validator(mode="after")
     def _makes_room(self) -> GiveWayParams:
         if self.least_m >= self.speed_mps * self.look_s:
-            raise ValueError("least_m must be smaller than speed_mps x look_s, or nothing makes a difference")
+            raise ValueError("least_m must be smaller than speed_mps x look_s")
         return self
 
 

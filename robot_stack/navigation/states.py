@@ -22,12 +22,12 @@ class NavigationState(Enum):
 
 
 class Trigger(Enum):
-    CLEAR = "the straight way to the goal is clear"
-    OBSTRUCTED = "something is near the straight way to the goal"
+    CLEAR = "the straight path to the goal is clear"
+    OBSTRUCTED = "an obstacle is near the straight path to the goal"
     FORBIDDEN = "moving is forbidden or not possible"
     END_OF_PLAN = "end of the motion"
     REACHED = "within tolerance and standing"
-    GAVE_UP = "no way for too long"
+    GAVE_UP = "no path for too long"
     WITHDRAWN = "goal cancelled or refused, nothing to brake"
     WITHDRAWN_MOVING = "goal cancelled or refused while moving"
     BRAKING_FORBIDDEN = "moving is forbidden without a goal"

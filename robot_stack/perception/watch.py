@@ -47,7 +47,7 @@ class Watch:
         if self._stamp_s - now_s > params.stamp_future_s:
             self._stamp_s = -math.inf  # clock set back
         if stamp_s <= self._stamp_s:
-            return f"stamp does not go on: {stamp_s:.3f} s after {self._stamp_s:.3f} s"
+            return f"stamp does not increase: {stamp_s:.3f} s after {self._stamp_s:.3f} s"
         self._stamp_s = stamp_s
         return ""
 

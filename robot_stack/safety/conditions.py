@@ -136,7 +136,7 @@ def collision_imminent(now: Snapshot, params: SafetyParams, active_action: Safet
         return _present(_STOP, f"collision in {prediction.moving.time_s:.1f} s")
     if prediction.clearance_m < clearance_m:
         return _present(_STOP, f"obstacle {prediction.clearance_m:.2f} m ahead")
-    return _present(_STOP, "somebody walks into the way") if prediction.pedestrian_collision.stop else CLEAR
+    return _present(_STOP, "pedestrian entering the path") if prediction.pedestrian_collision.stop else CLEAR
 
 
 def obstacle_near(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
@@ -146,7 +146,7 @@ def obstacle_near(now: Snapshot, params: SafetyParams, active_action: SafetyActi
         return _UNKNOWN
     time_s = p.near_s + (p.hysteresis_s if active_action else 0.0)
     clearance_m = p.near_clearance_m + (p.hysteresis_m if active_action else 0.0)
-    linear_mps, detail = prediction.pedestrian_collision.speed_mps, "somebody comes"
+    linear_mps, detail = prediction.pedestrian_collision.speed_mps, "pedestrian approaching"
     if prediction.time_s < time_s or prediction.clearance_m < clearance_m:
         ahead_mps = speed_limit_mps(prediction.clearance_m, p, prediction.brake_mps2)
         linear_mps, detail = min(linear_mps, ahead_mps), f"obstacle {prediction.clearance_m:.2f} m ahead"

@@ -71,7 +71,7 @@ def decode(data: bytes) -> Record:
     try:
         return _record(json.loads(body))
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(f"it does not make sense: {error!r}") from error
+        raise ValueError(f"it is inconsistent: {error!r}") from error
 
 
 def _record(data: Any) -> Record:

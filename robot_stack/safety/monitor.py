@@ -143,7 +143,7 @@ class SafetyMonitor:
         if still_for_s is not None and still_for_s >= self._params.standstill_hold_s:
             return []
         wanted = f"every wheel below {self._params.standstill_mps:g} m/s for {self._params.standstill_hold_s:g} s"
-        return [f"the robot does not stand still ({wanted}, by fresh /joint_states)"]
+        return [f"the robot is not at standstill ({wanted}, by fresh /joint_states)"]
 
 
 def _speed_limit(motion: Motion) -> SpeedLimit:

@@ -227,7 +227,7 @@ class Observation:
             asked = "/emergency_stop is true"
         silent_s = self.sources.age_s(_BUTTON, now_s)
         if self._watches_button and self._button_there.missing(silent_s, complete, now_s):
-            asked = "; ".join(filter(None, (asked, f"{_BUTTON} has been silent for {silent_s:.2f} s")))
+            asked = "; ".join(filter(None, (asked, f"no message from {_BUTTON} for {silent_s:.2f} s")))
         return asked
 
     def _motions(self, now_s: float) -> list[Twist2]:

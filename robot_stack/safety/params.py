@@ -35,7 +35,7 @@ class DescentParams(Config):
     @model_validator(mode="after")
     def _leads_down(self) -> DescentParams:
         if not self.angle_deg + self.angle_hysteresis_deg < 90.0:
-            raise ValueError("angle_deg + angle_hysteresis_deg must be less than 90: more does not lead down")
+            raise ValueError("angle_deg + angle_hysteresis_deg must be less than 90: greater angles do not lead down")
         return self
 
 
@@ -150,7 +150,7 @@ class SafetyParams(Config):
             if code not in faults.BY_CODE:
                 raise ValueError(f"{code} is not a fault of the contract")
         if "ESTOP_PRESSED" not in rows:
-            raise ValueError("ESTOP_PRESSED must be among the rows: a monitor that ignores the emergency stop is none")
+            raise ValueError("ESTOP_PRESSED must be among the rows: the monitor must handle the emergency stop")
         return rows
 
     @field_validator("expected_processes")

@@ -67,7 +67,7 @@ class Row:
         """Why a reset cannot release this row, empty if it can or need not."""
         if not self._latched or self._newest.level is Level.CLEAR:
             return ""
-        return f"{self.code}: {'cannot be judged now' if self._newest.level is Level.UNKNOWN else self._found.detail}"
+        return f"{self.code}: {'cannot be evaluated' if self._newest.level is Level.UNKNOWN else self._found.detail}"
 
     def release(self) -> None:
         """Ends the latch. Only after ``blocks_release`` was empty."""

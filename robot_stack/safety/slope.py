@@ -44,7 +44,7 @@ class SlopeWatch:
         """
         if math.isnan(inclination_rad):
             # The fall line is unknown. A slope that was not steep is UNKNOWN and keeps its limit.
-            return _present("the fall line is not known on a steep slope") if self._steep else Finding(Level.UNKNOWN)
+            return _present("the fall line is unknown on a steep slope") if self._steep else Finding(Level.UNKNOWN)
         p = self._params
         self._limited = inclination_rad > math.radians(
             p.slope_limit_deg - (p.slope_hysteresis_deg if self._limited else 0.0)

@@ -151,7 +151,7 @@ class StopSources:
             return f"{name!r} is not pressed; pressed: {standing}"
         gone = [press for press in named if not self._is_there(press, now_s)]
         if not gone:
-            return f"{name} is there and says that it is pressed: release it there"
+            return f"{name} is running and reports that it is pressed: release it there"
         for press in gone:
             del self._presses[press.instance]
         if name == UNKNOWN:

@@ -51,7 +51,7 @@ def main() -> int:
     left = orphans.find()
     if left:
         ids = orphans.end(left, patience_s=params.terminate_s)
-        print(f"ended what an earlier supervisor left behind: processes {', '.join(map(str, ids))}", file=sys.stderr)
+        print(f"ended processes of an earlier supervisor: {', '.join(map(str, ids))}", file=sys.stderr)
     orphans.remove_stale_sockets()
     segments.remove_dead()
     child.go_first(params.own_niceness)

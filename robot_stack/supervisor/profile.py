@@ -65,7 +65,7 @@ class ProfileFile(Config):
     @model_validator(mode="after")
     def _other_speeds_need_the_clock(self) -> ProfileFile:
         if self.speed is not None and self.speed != 1.0 and not self.use_sim_time:
-            raise ValueError(f"speed: {self.speed:g} needs use_sim_time: true, the system clock knows one speed only")
+            raise ValueError(f"speed: {self.speed:g} needs use_sim_time: true, the system clock has one speed only")
         return self
 
 

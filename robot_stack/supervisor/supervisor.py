@@ -74,7 +74,7 @@ class Supervisor:
         while not self._stopping:
             now_s = time.monotonic()
             if now_s - last_s > _ABSENT_S:
-                _log(f"absent for {now_s - last_s:.1f} s: silence in that time is not judged")
+                _log(f"absent for {now_s - last_s:.1f} s: missing heartbeats in that time are ignored")
                 for life in self._lives.values():
                     life.forgive(now_s - last_s)
             last_s = now_s
@@ -217,7 +217,7 @@ class Supervisor:
                 self._farewells.append(reply)
             case verb if verb in VERBS:
                 if verb != "safety":
-                    _log(f"{verb} asked for")
+                    _log(f"{verb} requested")
                 self._keys.on_request(verb, reply, time.monotonic())
             case verb:
                 reply({"ok": False, "error": f"unknown verb {verb!r}"})
@@ -228,7 +228,7 @@ class Supervisor:
             return {"ok": False, "error": f"{name!r} does not run here; processes: {', '.join(self._lives)}"}
         if self._stopping:
             return {"ok": False, "error": "the stack is stopping"}
-        _log(f"{name}: restart asked for")
+        _log(f"{name}: restart requested")
         life.wanted(time.monotonic())
         if name in self._fleet.pids():
             self._fleet.signal([name], signal.SIGINT)

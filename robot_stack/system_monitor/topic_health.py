@@ -64,7 +64,7 @@ def judge_topic(row: Topic, figures: TopicFigures | None, nodes: Collection[str]
 def describe_topic(row: Topic, figures: TopicFigures | None) -> str:
     """One line for users."""
     if figures is None:
-        return "no subscriber tells of it"
+        return "no subscriber reports it"
     if math.isinf(figures.age_s):
         return "nothing received"
     rate = "rate unknown" if math.isnan(figures.rate_hz) else f"{figures.rate_hz:.1f} Hz"

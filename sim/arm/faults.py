@@ -79,7 +79,7 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     ),
     _row(_bus_loss, "no telegram passes between engine and drives"),
     _row(_encoder_freeze, "an encoder repeats its last count", JOINTS),
-    _row(_encoder_loss, "an encoder is lost and its drive notices", JOINTS),
+    _row(_encoder_loss, "an encoder is lost and its drive reports an alarm", JOINTS),
     _row(_joint_blocked, "a joint is jammed", JOINTS),
     _row(_payload, "no fault: a mass between the fingertips", _ONLY, ("kg", 0.0, _LARGEST_PAYLOAD_KG, 3.0)),
 )

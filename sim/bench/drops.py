@@ -50,7 +50,7 @@ def _conditions(fell: Sequence[Outcome], driven: Sequence[Outcome], first: int) 
         "some with a ramp beside; upright sides, dry ground",
         "ways": f"{', '.join(cases.PASSABLE)}: ramps of 4 to 10 deg, a kerb down of 3 cm; every second six with chair",
         "over_the_edge": "runs in which a wheel or castor was over an edge, by ground truth",
-        "false_stops": "ways on which the limit became 0, or whose end was not reached",
+        "false_stops": "paths on which the limit became 0, or whose end was not reached",
         "robot": "kinematic on four wheels, the chair on its castors; with the chair it has come from 3 m behind",
         "over_cases": [_told(outcome) for outcome in fell if outcome.over],
         "false_stop_cases": [_told(outcome) for outcome in driven if not outcome.passed],

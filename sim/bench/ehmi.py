@@ -119,7 +119,7 @@ def _pulls(rig: _Rig, count: int) -> tuple[int, list[float], int]:
     for number in range(count):
         rig.line.pull()
         if not _within(lambda: not rig.port.status().linked):
-            raise BenchError("the bridge does not notice a pulled cable")
+            raise BenchError("the bridge does not detect a pulled cable")
         rig.show_another()
         time.sleep(float(rig.random.uniform(0.0, 0.6)))
         if number % 2:

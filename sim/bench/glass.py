@@ -166,6 +166,6 @@ def _rules() -> dict[str, object]:
         "missed": f"of {_CELL_M} m cells of its middle 4 m, no point within {_WITHIN_M} m, standing so far off",
         "images, phantoms_before": f"points of a cloud farther than {_APART_M} m in plan from anything, behind the "
         "pane and before it; mean of a place, the worst place",
-        "hidden": f"driving at it at {_SPEED_MPS} m/s from {_FROM_M} to {_TO_M} m, so far off its normal: the least "
-        f"way to go at which a cloud showed nothing of it within {_CORRIDOR_M} m of the robot's middle; 0: all did",
+        "hidden": f"driving towards it at {_SPEED_MPS} m/s from {_FROM_M} to {_TO_M} m, so far off its normal: least "
+        f"distance at which a cloud showed nothing of it within {_CORRIDOR_M} m of the robot's middle; 0: all did",
     }

@@ -250,7 +250,7 @@ def _conditions(
         "every fifth with wheelchair and passenger",
         "robot": f"kinematic, {_DELAY_S} s late, accelerations of robot.yaml, pose noise {_POSE_SIGMA_M} m",
         "costmap": f"{1 / _COSTMAP_S:.0f} Hz, {_COSTMAP_DELAY_S} s old, {COSTMAP_RESOLUTION_M} m, line of sight",
-        "clearance_m_min": "true distance of the footprint to what stands; person_m_min: to who walks, while driving",
+        "clearance_m_min": "true distance of the footprint to static obstacles; person_m_min: to pedestrians, driving",
         "step_ms": "CPU time of the ticking thread, costmap included; step_wall_ms: real time while a goal is found "
         "unreachable, with what others do on the machine",
         "routes": f"planned in the node's thread, there {_PLAN_S} s of simulated time after the question",

@@ -74,19 +74,19 @@ def _conditions(played: Sequence[Outcome], ridden: Sequence[Ride], first: int) -
     touched = [outcome for outcome in played if outcome.touch is not None]
     return {
         "runs": f"seeds {first} to {first + len(played) - 1}; {', '.join(KINDS)} walk straight to a place 2 to 25 cm "
-        f"beside the outline, on {cases.SIDES} sides, at up to 2 m/s, and stay or go on; nobody stops but at the robot",
+        f"beside the outline, on {cases.SIDES} sides, at up to 2 m/s, and stay or go on; they stop only at the robot",
         "robot": f"{', '.join(cases.MANOEUVRES)}; half of the runs with wheelchair and passenger; the outline is the "
         f"footprint in force; kinematic, the drive's kernels, wheels {ACTUATION_S} s late",
         "late": f"perception {PERCEPTION_S} s after a half sweep's end, {TRANSPORT_S} s from node to node",
         "rows": ", ".join(ROWS),
-        "touched": f"the outline moves faster than {MOVING_MPS} m/s at a contact, whoever walked into whom",
+        "touched": f"the outline moves faster than {MOVING_MPS} m/s at a contact, regardless of its cause",
         "touched_standing": "of these: had arrived beside the robot and stood there",
         "touched_by_the_robot": "of these: the outline moved towards the body during the contact; the others "
         "walked into a side that slides past or leaves",
         "closing_at_touch_max_mps": "the greatest speed of the outline towards the body during contact",
         "pushed_max_m": "the longest way of the outline towards the body during the contacts of one run",
         "touched_unavoidable": f"of these: braking {REACTION_S:.3f} s after the body was nearer than {PASSING_M} m, or "
-        "where the motion leads by the monitor's thresholds, would have been too late with perfect eyes",
+        "where the motion leads by the monitor's thresholds, would have been too late with perfect sensors",
         "rides": f"{len(ridden)}, every second one with wheelchair and passenger, between walls, kerbs and posts, 6 "
         f"people walking past, all {PASSING_M} m and more aside",
         "touched_of": _counts(touched),

@@ -112,7 +112,7 @@ def run(
         "world": f"{_WORLD}; five nodes on the deterministic scheduler, the safety monitor is played",
         "load": f"wheelchair with {passenger_kg} kg" if passenger_kg > 0.0 else "empty robot",
         "rms_mm, max_mm": "distance of the true pose from the planned path, every 50 ms of driving",
-        "estimate": "the same of the pose that the controller believes: without the error of the localization",
+        "estimate": "the same of the estimated pose: without the error of the localization",
         "position_rms_mm": "true position against the planned one at that moment, along the path included",
         "localization": "wheel odometry and gyro only, from the true start pose",
     }

@@ -192,7 +192,7 @@ def _rules() -> dict[str, object]:
     return {
         "weather": "as many airborne returns in a full sweep as the figure's name says, or 1000; sizes "
         + ", ".join(f"of {kind} of {amount:g}" for kind, amount in AMOUNTS.items())
-        + "; the sun stands 5 deg high, right behind who stands there",
+        + "; the sun is 5 deg high, directly behind the person",
         "phantoms": "mean of the points published after a half sweep, more than 0.3 m in plan from anything; of "
         "an empty plain and the yard, the worse one; the robot stands",
         "seen to": f"the distance up to which each of {', '.join(who.name for who in WHO)} is in every cloud, up to "

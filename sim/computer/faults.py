@@ -40,7 +40,7 @@ def _screen_lost(computer: SimComputer, target: str, value: float | None) -> str
         computer.screen.show()
         return ""
     if computer.address() is None:
-        raise FaultRefused("screen_lost: nobody serves the touch screen")
+        raise FaultRefused("screen_lost: the touch screen has no server")
     computer.screen.lose()
     return "the browser on the robot's screen dies"
 

@@ -23,12 +23,12 @@ def _cable(line: DisplayLine, target: str, value: float | None) -> str:
 
 def _power(line: DisplayLine, target: str, value: float | None) -> str:
     line.with_firmware(lambda firmware, now_s: firmware.power_on(now_s))
-    return "the display starts anew"
+    return "the display restarts"
 
 
 def _silent(line: DisplayLine, target: str, value: float | None) -> str:
     _set(line, lambda firmware: setattr(firmware.troubles, "silent", value is not None))
-    return "the firmware hears and does not answer"
+    return "the firmware receives but does not answer"
 
 
 def _garbage(line: DisplayLine, target: str, value: float | None) -> str:
@@ -65,7 +65,7 @@ def _set(line: DisplayLine, change: Callable[[Firmware], None]) -> None:
 FAULT_KINDS: tuple[FaultKind, ...] = (
     FaultKind("cable", "the cable is pulled; cleared, it is put back", _ONLY, "none", _cable),
     FaultKind("power", "the display loses its power for a moment", _ONLY, "none", _power, lasts=False),
-    FaultKind("silent", "the firmware hears and does not answer", _ONLY, "none", _silent),
+    FaultKind("silent", "the firmware receives but does not answer", _ONLY, "none", _silent),
     FaultKind("garbage", "random bytes among the answers", _ONLY, "none", _garbage),
     FaultKind("half_lines", "every answer breaks off in the middle", _ONLY, "none", _half_lines),
     FaultKind("noise", "bytes change on the way", _ONLY, "share of bytes", _noise, 0.0, 1.0, 0.02),

@@ -29,7 +29,7 @@ class Bodies:
     def watch(self, silence_s: float) -> None:
         """Reports silent inputs."""
         if self.input.received and self.input.age_s() > silence_s:
-            self._node.set_health(False, f"{topics.SIM_BODIES.name} has fallen silent")
+            self._node.set_health(False, f"{topics.SIM_BODIES.name} has timed out")
 
     def _on_bytes(self, data: bytes) -> None:
         time_s, numbers = read_transforms(data)

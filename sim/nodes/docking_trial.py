@@ -53,7 +53,7 @@ def _follow(
     observer: MissionObserver, client: ActionClient, dock_id: str, dock_pose: Pose2, limit_s: float
 ) -> LiveOutcome:
     if not observer.wait(client.server_is_ready, _ANSWER_S):
-        raise TimeoutError("nobody offers the docking action")
+        raise TimeoutError("the docking action has no server")
     sent = client.send_goal_async(Dock.Goal(dock_id=dock_id))
     if not observer.wait(sent.done, _ANSWER_S):
         raise TimeoutError("the docking controller does not answer")

@@ -104,7 +104,7 @@ class MissionObserver:
             _ANSWER_S,
         )
         if not heard:
-            raise TimeoutError("the stack is silent: mission, safety or the world does not speak")
+            raise TimeoutError("the stack is silent: no message of mission, safety or world")
 
     def start(self, mission_id: str) -> None:
         """Sends START_MISSION on /ui/command. Raises TimeoutError without an answer, ValueError if it is refused."""

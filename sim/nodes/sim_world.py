@@ -94,7 +94,7 @@ class SimWorld(StackNode):
     def __init__(self) -> None:
         super().__init__("sim_world", SimWorldParams)
         if self.params.speed != REAL_TIME and not self.simulated_time:
-            raise ConfigError("sim_world: speed: other than 1.0 needs use_sim_time, the system clock knows no other")
+            raise ConfigError("sim_world: speed: other than 1.0 needs use_sim_time, the system clock has no other")
         warm_up()
         self.setup = self.params.setup()
         self.inject: Callable[[str, str, float, float], str] = _not_running

@@ -62,7 +62,7 @@ def draw_course(path: Path, ride: Ride) -> None:
     middle.set(ylabel="distance from the plan / mm")
     believed = estimate_errors(ride)
     lower.plot(believed[:, 0], 1e3 * believed[:, 1], ".", markersize=2.0, color=_DRIVEN)
-    lower.set(xlabel="time / s", ylabel="error of the believed pose / mm")
+    lower.set(xlabel="time / s", ylabel="error of the estimated pose / mm")
     for axes in (upper, middle, lower):
         axes.grid(alpha=0.3)
     _save(figure, path)

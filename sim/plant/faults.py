@@ -118,12 +118,12 @@ def _latch_stuck(sim: Simulation, target: str, value: float | None) -> str:
 
 def _latch_no_confirm(sim: Simulation, target: str, value: float | None) -> str:
     sim.world.latch.set_no_confirm(value is not None)
-    return "the latch never says that it is closed"
+    return "the latch's closed input stays 0"
 
 
 def _latch_opens(sim: Simulation, target: str, value: float | None) -> str:
     sim.world.latch.fail_open(value is not None)
-    return "the latch has let go"
+    return "the latch has opened"
 
 
 def _chair_moved(sim: Simulation, target: str, value: float | None) -> str:
@@ -190,9 +190,9 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     _row(_engine_stall, "the motion engine stops cycling"),
     _row(_latch_stuck, "the latch of the wheelchair does not move"),
     _row(_latch_no_confirm, "the latch moves, but its closed input stays 0"),
-    _row(_latch_opens, "the latch loses its closed input, lets go at once and stays open"),
+    _row(_latch_opens, "the latch loses its closed input, opens at once and stays open"),
     _row(_chair_moved, "shifts the standing wheelchair by dx,dy,dyaw (m, degrees) in its own frame", None, lasts=False),
-    _row(_robot_moved, "carries the robot off by dx,dy,dyaw (m, degrees) in its own frame", None, lasts=False),
+    _row(_robot_moved, "displaces the robot by dx,dy,dyaw (m, degrees) in its own frame", None, lasts=False),
     _row(_process_killed, "SIGKILL to the process of a node", None, lasts=False),
     _row(_process_hang, "SIGSTOP to the process of a node; the world does not wait for it", None),
     _row(_charger, "no fault: a charger is plugged", ONLY, ("power, W", 0.0, 5e3, 500.0)),

@@ -54,9 +54,9 @@ def result_page(result: Result, film: str) -> str:
         f'<p><span class="state {escape(result.state)}">{escape(result.state)}</span> {escape(result.reason)}',
         f"in the simulated world {escape(result.world)}, seed {result.seed}</p>",
         f'<div class="figures">{"".join(_figures(result))}</div>',
-        '<h2>Route</h2><img src="map.png" alt="Map with the plan, the way driven, the waypoints and the stops">',
+        '<h2>Route</h2><img src="map.png" alt="Map with the plan, the driven path, the waypoints and the stops">',
         *([f'<h2>Film</h2><img src="{escape(film)}" alt="The ride, drawn from its recording">'] if film else []),
-        "<h2>Speed, deviation from the plan, error of the believed pose</h2>",
+        "<h2>Speed, deviation from the plan, error of the estimated pose</h2>",
         '<img src="course.png" alt="Three plots over time">',
         *_table("Stops", ("", "from", "for", "where", "why"), map(_stop_row, range(1, 10**4), result.stops)),
         *_table("Waypoints", ("", "done after"), ((name, _seconds(time_s)) for name, time_s in result.arrivals)),
@@ -74,7 +74,7 @@ def _figures(result: Result) -> Iterable[str]:
     yield _figure(f"{found.top_speed_mps:.2f} m/s", "top speed")
     yield _figure(_millimetres(found.final_error_m, found.final_error_deg), "off the goal")
     yield _figure(_millimetres(found.tracking_rms_m), "off the plan, rms")
-    yield _figure(_millimetres(found.estimate_p95_m, found.estimate_p95_deg), "error of the believed pose, p95")
+    yield _figure(_millimetres(found.estimate_p95_m, found.estimate_p95_deg), "error of the estimated pose, p95")
     if carried is not None and math.isfinite(carried.docked_mm):
         yield _figure(f"{carried.docked_mm:.1f} mm, {carried.docked_deg:.2f}°", "docking error before the latch closed")
         yield _figure(f"{carried.carried_m:.1f} m", "wheelchair carried")

@@ -88,7 +88,7 @@ class Figures:
 def figures(ride: Ride, goal: Pose2) -> Figures:
     """The ride's figures. Raises ValueError for a ride without samples."""
     if not ride.samples:
-        raise ValueError("nothing was noted of this ride")
+        raise ValueError("this ride recorded no data")
     last = ride.samples[-1]
     errors_m = tracking_errors_m(ride)[:, 1]
     believed = estimate_errors(ride)

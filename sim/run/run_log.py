@@ -55,7 +55,7 @@ class RunLog:
 def motion_figures(run_log: RunLog, goal: Pose2 | None) -> dict[str, Any]:
     """Figures of the motion. Raises ValueError if nothing was noted."""
     if not run_log.moments:
-        raise ValueError("nothing was noted of this run")
+        raise ValueError("this run recorded no data")
     moments = run_log.moments
     last = moments[-1]
     figures: dict[str, Any] = {

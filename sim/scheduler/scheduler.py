@@ -178,7 +178,7 @@ class Scheduler:
         if self._runtime is None:
             raise RuntimeError("a scheduler runs inside its with statement: its nodes need its runtime folder")
         if name in self.processes:
-            raise ValueError(f"there is a process {name!r} already; a new life comes by its start() or restart()")
+            raise ValueError(f"there is a process {name!r} already; call its start() or restart()")
         order = WORLD_ORDER + 1 + 2 * len(self.processes)  # two each: arrivals, then wake-ups
         process = Process(self, name, order, factories, parameters or {}, self.computer(computer))
         self.processes[name] = process

@@ -225,7 +225,10 @@ def test_sources_that_are_gone_are_cleared_by_name_before_the_reset(safety: Fake
 
 
 def test_a_source_that_cannot_be_cleared_ends_the_reset(safety: FakeSafety) -> None:
-    safety.active, safety.uncleared = True, "refused: touch_ui is there and says that it is pressed: release it there"
+    safety.active, safety.uncleared = (
+        True,
+        "refused: touch_ui is running and reports that it is pressed: release it there",
+    )
     done = cli("reset", "--clear", "touch_ui")
     assert done.returncode == 1
     assert "release it there" in done.stderr

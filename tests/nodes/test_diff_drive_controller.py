@@ -294,7 +294,7 @@ def test_emergency_stop_without_and_with_a_safety_monitor(rig: Rig) -> None:
     rig.press(False)  # without any /safety/status, false is the release
     rig.stays_at_rest()  # the twist has not been zero yet
     assert rig.node is not None
-    rig.node.wait_output("waiting for the command to be zero or silent once")
+    rig.node.wait_output("waiting for a zero command or a command timeout")
     rig.drive(0.0)
     rig.stays_at_rest()
     rig.drive(0.3)

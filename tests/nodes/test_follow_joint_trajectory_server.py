@@ -445,7 +445,7 @@ def test_faults_in_motion_abort_and_the_server_recovers(rig: Rig) -> None:
     assert rig.engine.device.core_motion.motion.Stop(0) == 0
     status, code, text = sent.result()
     assert (status, code) == (STATUS_ABORTED, ErrorCode.NoMotion)
-    assert "stopped by somebody else" in text
+    assert "stopped by another client" in text
 
     # an engine that hangs: the goal ends in time, and the arm stops as soon as the engine continues
     assert rig.send((0.5, HOME)).result()[0] == STATUS_SUCCEEDED
@@ -512,7 +512,7 @@ def test_a_trajectory_whose_server_was_killed_is_stopped_by_the_next_one(rig: Ri
     rig.server.wait()
     assert not rig.standing
     rig.server = rig.start(NAME)
-    rig.wait_health("stopping a trajectory whose server is gone")
+    rig.wait_health("stopping a trajectory whose server has ended")
     rig.wait_health("")
     assert rig.standing
     assert abs(rig.status.pos_cmd[0]) < abs(FAR[0]) - 0.1, "it went on to its goal"

@@ -88,7 +88,7 @@ def test_commands_while_the_button_is_held(
     start(NAME, "-p", "device:=js")
     says(diagnostics, NAME, "No such file or directory")
     joystick.plug()
-    says(diagnostics, NAME, "the joystick is there")
+    says(diagnostics, NAME, "the joystick is connected")
     assert not commands.items
     hand.drives()
     command = drives(commands)
@@ -97,12 +97,12 @@ def test_commands_while_the_button_is_held(
     # The button is released.
     hand.trembles = False
     joystick.send(button(DEAD_MAN, False))
-    comes_to_rest(commands, diagnostics, "the joystick is there")
+    comes_to_rest(commands, diagnostics, "the joystick is connected")
     # Without events the driver stops, although the button is not released.
     hand.drives()
     drives(commands)
     hand.trembles = False
-    comes_to_rest(commands, diagnostics, "the joystick is there")
+    comes_to_rest(commands, diagnostics, "the joystick is connected")
     # The cable is pulled while the button is held, and plugged in again.
     hand.drives()
     drives(commands)
@@ -110,18 +110,18 @@ def test_commands_while_the_button_is_held(
     joystick.pull()
     comes_to_rest(commands, diagnostics, "No such file or directory")
     joystick.plug()
-    says(diagnostics, NAME, "the joystick is there")
+    says(diagnostics, NAME, "the joystick is connected")
     hand.drives()
     drives(commands)
     # An emergency stop while the button is held: after its end only a new press moves the robot.
     wait_for(lambda: peer.publisher(topics.EMERGENCY_STOP).get_subscription_count() >= 1, "the driver listens")
     peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
-    comes_to_rest(commands, diagnostics, "the joystick is there")
+    comes_to_rest(commands, diagnostics, "the joystick is connected")
     safety.active = False
     peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
     count = len(commands.items)
-    says(diagnostics, NAME, "the joystick is there")
-    says(diagnostics, NAME, "the joystick is there")
+    says(diagnostics, NAME, "the joystick is connected")
+    says(diagnostics, NAME, "the joystick is connected")
     assert len(commands.items) == count
     hand.drives()
     drives(commands)
@@ -134,7 +134,7 @@ def test_what_makes_no_sense_ends_a_command(
     FakeSafety(peer)
     joystick.plug()
     start(NAME, "-p", "device:=js")
-    says(diagnostics, NAME, "the joystick is there")
+    says(diagnostics, NAME, "the joystick is connected")
     hand.drives()
     drives(commands)
     hand.trembles = False
@@ -151,7 +151,7 @@ def test_the_end_of_the_driver_ends_a_command(
     FakeSafety(peer)
     joystick.plug()
     process = start(NAME, "-p", "device:=js")
-    says(diagnostics, NAME, "the joystick is there")
+    says(diagnostics, NAME, "the joystick is connected")
     hand.drives()
     drives(commands)
     process.stop()

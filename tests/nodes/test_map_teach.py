@@ -176,7 +176,7 @@ def test_wrong_use_is_one_line(ros_domain, own_config, tmp_path):
     (tmp_path / "taken").mkdir()
     assert "is there already" in refusal("--name", "taken", "--output", str(tmp_path))
     assert "letters, digits" in refusal("--name", "../up", "--output", str(tmp_path))
-    assert "a recording is a new folder" in refusal("--name", "a", "--recording", str(tmp_path / "taken"))
+    assert "a recording needs a new folder" in refusal("--name", "a", "--recording", str(tmp_path / "taken"))
 
 
 def test_no_stack(ros_domain, own_config, tmp_path):

@@ -52,7 +52,7 @@ def test_readings_alarms_and_a_device_that_falls_silent(
 
     device.registers.values[274] = 2
     states.wait(lambda m: m.power_supply_health == BatteryState.POWER_SUPPLY_HEALTH_OVERHEAT, "a hot battery")
-    says(diagnostics, NAME, "the battery complains: too hot")
+    says(diagnostics, NAME, "the battery reports faults: too hot")
     device.registers.values |= {274: 0, 259: 0xFFFF}
     says(diagnostics, NAME, "the voltage is 655.35 V, expected 30.0 to 60.0 V")
     count = len(states.items)
@@ -61,9 +61,9 @@ def test_readings_alarms_and_a_device_that_falls_silent(
     assert all(message.voltage < 60.0 for message in states.messages[count:])
 
     device.silent = True
-    says(diagnostics, NAME, "no answer of use for 3 s")
+    says(diagnostics, NAME, "no valid response for 3 s")
     count = len(states.items)
-    says(diagnostics, NAME, "no answer of use")
+    says(diagnostics, NAME, "no valid response")
     assert len(states.items) == count, "nothing old is said again"
     device.silent = False
     wait_for(lambda: len(states.items) > count, "a reading")
@@ -76,7 +76,7 @@ def test_a_pulled_cable_and_registers_it_lacks(
     start(NAME, *over_tcp(device.port))
     wait_for(lambda: len(states.items) >= 3, "readings")
     device.close()
-    says(diagnostics, NAME, "no answer of use for 3 s")
+    says(diagnostics, NAME, "no valid response for 3 s")
     bare = TcpDevice(Registers(UNIT, {259: 5000, 261: 0, 266: 500}), device.port)
     try:
         states.wait(lambda message: message.percentage == pytest.approx(0.5), "a reading")
@@ -84,7 +84,7 @@ def test_a_pulled_cable_and_registers_it_lacks(
         assert states.last.power_supply_health == BatteryState.POWER_SUPPLY_HEALTH_UNKNOWN
         assert says(diagnostics, NAME, "readings arrive")["registers it lacks"].startswith("262, ")
         bare.registers.unit = 1  # another unit id: no answer
-        says(diagnostics, NAME, "no answer of use for 3 s")
+        says(diagnostics, NAME, "no valid response for 3 s")
     finally:
         bare.close()
 

@@ -102,7 +102,7 @@ def test_packets_that_the_metadata_do_not_describe_are_named(
     values = says(
         diagnostics, NAME, "no sweeps: the sensor's serial number is 122201000998, expected 5 by the metadata"
     )
-    assert int(values["packets not as by the metadata"]) > 0
+    assert int(values["packets that differ from the metadata"]) > 0
     assert not sweeps.items
 
 

@@ -91,7 +91,7 @@ def test_readings_and_what_the_battery_complains_of(start: Callable[..., NodePro
         ),
         "a hot battery",
     )
-    says(diagnostics, NAME, "the battery protects itself: over temperature")
+    says(diagnostics, NAME, "the battery reports active protections: over temperature")
     # Garbage on the line costs a frame at most.
     bus.battery = Battery()
     bus.extra = b"tZZZ\r\xff\xfe\r"

@@ -121,7 +121,7 @@ def test_staff_clear_a_stop_that_nobody_can_release(screen: TouchScreen, rider: 
     assert rider.ask("clear_stop", source="panel")["why"] == "answer.needs_staff"
     rider.log_in()
     assert rider.ask("clear_stop", source="panel")["ok"]
-    safety.uncleared = "refused: ui is there and says that it is pressed: release it there"
+    safety.uncleared = "refused: ui is running and reports that it is pressed: release it there"
     refused = rider.ask("clear_stop", source="ui")
     assert (refused["ok"], refused["detail"]) == (False, safety.uncleared)
     assert safety.cleared == ["panel", "ui"]

@@ -307,5 +307,5 @@ def test_a_taken_port_is_told(view: NodeProcess, start: Callable[..., NodeProces
     port = port_of(view)
     second = start("second", command=[*COMMAND, "--port", str(port)])
     assert second.wait() == 1
-    assert f"error: port {port} of 127.0.0.1 cannot be had: " in second.output()
+    assert f"error: port {port} of 127.0.0.1 is not available: " in second.output()
     assert "`robot-stack view --port`" in second.output()

@@ -158,7 +158,7 @@ def test_a_bus_that_drops_in_motion_ends_the_trajectory_and_the_arm_stands(up: C
     assert arm.true_positions[:6] == pytest.approx(stood, abs=1e-3)
     moved = operate("arm", "move", "--to=1.0,0.2,0.3,0,-0.5,0", "--in", "1")
     assert moved.returncode == 0, moved.stderr
-    assert moved.stdout.splitlines()[-1].startswith("there; never more than ")
+    assert moved.stdout.splitlines()[-1].startswith("goal reached; at most ")
     assert arm.true_positions[:6] == pytest.approx([1.0, 0.2, 0.3, 0.0, -0.5, 0.0], abs=0.002)
     assert operate("arm", "grip", "close").stdout == "Gripper closed successfully\n"
 

@@ -96,7 +96,7 @@ def test_samples_silence_and_a_pulled_cable(start: Callable[..., NodeProcess], p
     wait_for(lambda: int(says(diagnostics, "xsens_driver", "samples arrive")["frames corrupt"]) > 0, "a corrupt frame")
     # The unit stops sending on an open line.
     device.send = False
-    says(diagnostics, "xsens_driver", "nothing comes")
+    says(diagnostics, "xsens_driver", "no data arrives")
     count = len(samples.items)
     says(diagnostics, "xsens_driver", "no samples")
     assert len(samples.items) == count

@@ -73,7 +73,7 @@ def test_ride_ends_at_its_goal(demo: Demo, tmp_path: Path, monkeypatch: pytest.M
     assert f"all of it on one page: {(folder / 'result.html').as_uri()}" in output
     assert 'src="film.gif"' in page
     assert all(f"<td>{name}</td>" in page for name in ("by", "stop", "end"))
-    assert "about to set out" in result["stops"][0]["why"]  # departure warning of 2 s
+    assert "about to start: warning" in result["stops"][0]["why"]  # departure warning of 2 s
     assert_recorded_and_filmed(folder, output)
     assert stack_processes() == []
     assert_set_up_compiled_everything(folder / "logs")

@@ -80,7 +80,7 @@ def test_granting_twice_is_granting_once_and_can_be_undone(tmp_path: Path) -> No
     assert grant("--root", str(tmp_path), "@operators").returncode == 0
     again = grant("--root", str(tmp_path), "@operators")
     assert again.returncode == 0
-    assert "log in anew" in again.stdout
+    assert "log in again" in again.stdout
     assert [path.relative_to(tmp_path) for path in tmp_path.rglob("*") if path.is_file()] == [FILE]
     assert (tmp_path / FILE).read_text().splitlines() == lines("@operators")
     assert grant("--root", str(tmp_path), "--undo", "@operators").returncode == 0

@@ -104,7 +104,7 @@ class StackUnderTest:
             in_vain = self.now_s() > end_s  # read before the condition, which may become true at the last moment
             return "met" if condition() else "in vain" if in_vain else ""
 
-        assert wait_for(ended, what) == "met", f"waited {limit_s} s of the world in vain for: {what}"
+        assert wait_for(ended, what) == "met", f"timed out after {limit_s} s of the world waiting for: {what}"
 
     def wait_stands(self, limit_s: float = DEADLINE_S) -> None:
         self.wait_within(limit_s, lambda: self.stands, "the robot stands")

@@ -26,5 +26,5 @@ def wait_for(
         value = condition()
         if value:
             return value
-        assert time.monotonic() < end_s, f"waited {deadline_s} s in vain for: {what}"
+        assert time.monotonic() < end_s, f"timed out after {deadline_s} s waiting for: {what}"
         time.sleep(poll_s)

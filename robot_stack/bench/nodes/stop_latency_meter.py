@@ -115,7 +115,7 @@ class StopLatencyMeter:
         self._wait(lambda: self._truths and self._safety, "ground truth and safety status")
         self._wait(lambda: self._teleop.get_subscription_count() > 0, "a listener on /teleop/cmd_vel")
         self._wait(lambda: self._stop_publisher.get_subscription_count() > 1, "a listener on /emergency_stop")
-        self._wait(lambda: self._reports.get_subscription_count() > 0, "a safety monitor that hears who stops")
+        self._wait(lambda: self._reports.get_subscription_count() > 0, "a safety monitor that receives the sources")
         self._wait(self._inject.service_is_ready, "the simulation's fault service")
         if self._stopped():
             self.release()
@@ -279,5 +279,5 @@ class StopLatencyMeter:
         while not condition():
             if time.monotonic() > end_s:
                 faults = ", ".join(self._safety.active_faults) if self._safety else "unknown"
-                raise BenchError(f"waited {_DEADLINE_S:.0f} s in vain for {what} {why()} (active faults: {faults})")
+                raise BenchError(f"waited {_DEADLINE_S:.0f} s waiting for {what} {why()} (active faults: {faults})")
             time.sleep(pause_s)

@@ -38,7 +38,7 @@ class TrajectoryClient:
     def __enter__(self) -> TrajectoryClient:
         self._wait(self._client.server_is_ready, "the trajectory server")
         ready_s = time.monotonic()
-        self._wait(lambda: time.monotonic() - ready_s > _DISCOVERY_S, "the server to know this client")
+        self._wait(lambda: time.monotonic() - ready_s > _DISCOVERY_S, "the server to discover this client")
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -90,7 +90,7 @@ class TrajectoryClient:
         end_s = time.monotonic() + _LONGEST_S
         while not done():
             if time.monotonic() > end_s:
-                raise BenchError(f"waited {_LONGEST_S:g} s in vain for {what}")
+                raise BenchError(f"timed out after {_LONGEST_S:g} s waiting for {what}")
             self._tool.executor.spin_once(0.002)
 
 

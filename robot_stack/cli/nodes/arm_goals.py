@@ -45,5 +45,5 @@ def _end(answer: Any) -> Ended:
     if answer.status == GoalStatus.STATUS_SUCCEEDED:
         return Ended(True, "")
     if answer.status == GoalStatus.STATUS_CANCELED:
-        return Ended(False, "canceled, the arm stands")
+        return Ended(False, "canceled, the arm is at standstill")
     return Ended(False, f"{result.error_string or 'no reason given'} (error {result.error_code})")

@@ -37,7 +37,7 @@ def follow_action(
     Raises TimeoutError without a server, an answer or an end within ``timeout_s``.
     """
     if topics.OPERATOR_TOOL not in row.clients:
-        raise ContractViolation(f"{topics.OPERATOR_TOOL} may not ask for {row.name}")
+        raise ContractViolation(f"{topics.OPERATOR_TOOL} may not call {row.name}")
     action = interface_class(row.type)
     with Operator() as operator:
         client = ActionClient(operator.node, action, row.name)
@@ -87,7 +87,7 @@ def _end(answer: Any) -> Ended:
     if result.success and answer.status == GoalStatus.STATUS_SUCCEEDED:
         return Ended(True, "")
     if answer.status == GoalStatus.STATUS_UNKNOWN:
-        return Ended(False, "the goal is not known any more")
+        return Ended(False, "the goal is unknown to the server")
     return Ended(
         False, f"{result.reason} (error {result.error_code})" if result.reason else f"error {result.error_code}"
     )

@@ -70,7 +70,7 @@ class Operator:
         client = self.node.create_client(service, row.name)
         try:
             if not self.wait(client.service_is_ready, timeout_s):
-                raise TimeoutError(f"nobody serves {row.name}")
+                raise TimeoutError(f"{row.name} has no server")
             future = client.call_async(service.Request(**request))
             if not self.wait(future.done, timeout_s):
                 raise TimeoutError(f"{row.server} does not answer {row.name}")

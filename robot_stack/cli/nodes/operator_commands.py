@@ -53,7 +53,7 @@ def reset(timeout_s: float, clear: Sequence[str] = ()) -> tuple[bool, str]:
         source, stop, _ = operator.stop_source()
         source.publish(False)
         if not operator.deliver(stop, timeout_s):
-            raise TimeoutError("nobody listens to /emergency_stop: is the stack running?")
+            raise TimeoutError("/emergency_stop has no subscriber: is the stack running?")
         operator.call(services.CLEAR_EMERGENCY_STOP, timeout_s, source=topics.OPERATOR_TOOL)
         for name in clear:
             answer = operator.call(services.CLEAR_EMERGENCY_STOP, timeout_s, source=name)

@@ -37,7 +37,7 @@ class DockingControllerNode(StackNode):
         self._file = CorrectionsFile(self.params.corrections_file)
         self._corrections, problem = self._file.load()
         if problem:
-            self.get_logger().error(f"nothing learnt before is used: {problem}")
+            self.get_logger().error(f"stored corrections are not used: {problem}")
         cameras = {frame: mounting(self.robot, frame) for frame in (frames.FRONT_CAMERA, frames.REAR_CAMERA)}
         self._departure = Departure(load(DepartureParams, "departure"))
         self._motion_warnings = MotionWarnings(self, given=self._departure.announced)

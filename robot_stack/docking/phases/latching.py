@@ -72,7 +72,7 @@ class LookingOnce:
     def tick(self, view: View) -> Step:
         self._elapsed_s += view.dt_s
         self.finished = len(view.sightings) >= self._params.learn_sightings or self._elapsed_s > self._params.learn_s
-        return Step("docked" if self.finished else "latched; looking at the board once more", ZERO_TWIST)
+        return Step("docked" if self.finished else "latched; measuring the board again", ZERO_TWIST)
 
 
 class Latched:

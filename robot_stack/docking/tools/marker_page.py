@@ -30,7 +30,7 @@ def marker_bits(dictionary: str, marker_id: int) -> NDArray[np.bool_]:
     """(n, n) cells with the black border, True is black, first row at the top. Raises NoSuchMarker."""
     number = getattr(cv2.aruco, dictionary, None)
     if not dictionary.startswith("DICT_") or not isinstance(number, int):
-        raise NoSuchMarker(f"dictionary: OpenCV knows no {dictionary!r}")
+        raise NoSuchMarker(f"dictionary: OpenCV has no {dictionary!r}")
     found = cv2.aruco.getPredefinedDictionary(number)
     count = len(found.bytesList)
     if not 0 <= marker_id < count:

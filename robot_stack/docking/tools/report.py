@@ -44,7 +44,7 @@ def numbers(trace: Trace, limits: Limits, docks: Docks) -> dict[str, Any]:
 def lines(number: int, docking: dict[str, Any], start: str) -> list[str]:
     """``numbers`` for people. start: the date and time it began."""
     errors, speed = docking["errors"], docking["speed"]
-    dock = docking["dock"] or "a dock whose markers were never seen"
+    dock = docking["dock"] or "a dock whose markers were never detected"
     times = "1 try" if docking["tries"] == 1 else f"{docking['tries']} tries"
     shown = [
         f"docking {number}: {dock}, {start}, {docking['duration_s']:.1f} s, {times}",

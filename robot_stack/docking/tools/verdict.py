@@ -60,7 +60,7 @@ def judge(trace: Trace, limits: Limits) -> Verdict:
     if trace.after == DockingState.DOCKED:
         return Verdict(True, _success(trace), (), (*before, *at_end))
     causes = at_end or tuple(_stuck(trace, limits))
-    reason = causes[0].text if causes else "nothing in the recording tells why"
+    reason = causes[0].text if causes else "the recording contains no reason"
     return Verdict(False, f"{_end_in_words(trace)}: {reason}", causes, before)
 
 

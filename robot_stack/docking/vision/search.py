@@ -52,7 +52,7 @@ class MarkerSearch:
         """Raises ValueError for a dictionary that OpenCV does not have."""
         number = getattr(cv2.aruco, dictionary, None)
         if number is None:
-            raise ValueError(f"dictionary: OpenCV knows no {dictionary}")
+            raise ValueError(f"dictionary: OpenCV has no {dictionary}")
         self._params = params
         self._settings = _settings(params)
         self._detector = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(number), self._settings)

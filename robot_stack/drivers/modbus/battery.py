@@ -120,9 +120,9 @@ class ModbusBattery:
         """Why there is no reading, or the battery's alarms; empty without a problem."""
         if self.reading(now_s) is None:
             why = f", the last was refused: {self.refusal}" if self.refusal else ""
-            return f"no answer of use for {self._pack.stale_s:g} s{why}"
+            return f"no valid response for {self._pack.stale_s:g} s{why}"
         complaints = ", ".join(name.replace("_", " ") for name in self._complaints)
-        return f"the battery complains: {complaints}" if complaints else ""
+        return f"the battery reports faults: {complaints}" if complaints else ""
 
     def values(self, now_s: float) -> dict[str, str]:
         """For /diagnostics."""

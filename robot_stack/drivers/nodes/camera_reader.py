@@ -112,7 +112,7 @@ class CameraReader:
             if not capture.grab():
                 failures += 1
                 if failures >= _FAILURES or not os.path.exists(self._device):
-                    self.state = f"{self._device} sends nothing"
+                    self.state = f"{self._device} sends no frames"
                     return
                 time.sleep(0.01)
                 continue

@@ -74,7 +74,7 @@ class CanReader:
                 told_s = now_s
                 bus.send(self._keep_alive, timeout=_POLL_S)
             if now_s - heard_s >= self._params.silent_s:
-                self.state = f"{self._channel} is open, but nothing comes"
+                self.state = f"{self._channel} is open, but no data arrives"
                 return
 
     def _next(self, bus: can.BusABC) -> can.Message | None:

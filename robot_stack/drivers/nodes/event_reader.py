@@ -56,7 +56,7 @@ class EventReader:
         while not self._closing:
             woken, _, _ = select.select([self._wake_read, file], [], [])
             if self._wake_read in woken:
-                self.state = f"{self._device} is opened anew"
+                self.state = f"{self._device} is reopened"
                 return
             try:
                 data = os.read(file, _CHUNK)

@@ -64,7 +64,7 @@ class JoystickDriverNode(StackNode):
 
     def _watch(self) -> None:
         is_open = self._reader.state.endswith("is open") and not self._problem
-        self.set_health(is_open, "the joystick is there" if is_open else self._problem or self._reader.state)
+        self.set_health(is_open, "the joystick is connected" if is_open else self._problem or self._reader.state)
         self.report.values |= {"device": self._reader.state, "dead-man button": self._teleop.grip.value}
 
     def safe_output(self) -> None:

@@ -85,7 +85,7 @@ class PacketLidarNode(StackNode):
         """Reports silence; old sweeps are never repeated."""
         builder = self._builder
         silent = self.steady_s() - self._published_s > self.params.silence_s
-        why = builder.problem or f"the {self._device} is silent"
+        why = builder.problem or f"no packets from the {self._device}"
         self.set_health(not silent, f"no sweeps: {why}" if silent else "sweeps arrive")
         self.report.values |= {
             "device": f"{builder.model or 'no packet yet'}, {self._device}",

@@ -73,7 +73,7 @@ class SerialReader:
                     heard_s = time.monotonic()
                     self._on_bytes(data)
             if time.monotonic() - heard_s >= self._params.silent_s:
-                self.state = f"{self._port} is open, but nothing comes"
+                self.state = f"{self._port} is open, but no data arrives"
                 return
 
     def _wait(self, duration_s: float) -> None:

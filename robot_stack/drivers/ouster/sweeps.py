@@ -18,7 +18,7 @@ from robot_stack.drivers.ouster.points import Limits, points_of
 from robot_stack.drivers.sweep import F64, Sweep
 
 LOST, DOUBLED, OUT_OF_ORDER, CORRUPT = "packets lost", "packets doubled", "packets out of order", "packets corrupt"
-OTHERS, JUMPS, STARTS = "packets not as by the metadata", "clock jumps", "starts of the sensor"
+OTHERS, JUMPS, STARTS = "packets that differ from the metadata", "clock jumps", "starts of the sensor"
 INCOMPLETE, EMPTY = "sweeps incomplete", "sweeps without a return"
 _FRAMES = 1 << 16  # number of frames after which the sensor counts from 0
 _LATE_FRAMES = 2  # a packet further back is not late: the sensor has restarted
@@ -148,7 +148,7 @@ class SweepBuilder:
         points, newest_ns = points_of(self._frame, self._geometry, self._limits)
         if not len(points):
             self.counters.add(EMPTY)
-            self._empty = "no beam of the newest sweep came back"
+            self._empty = "the newest sweep has no returns"
             return None
         self._empty = ""
         return Sweep(points, 1e-9 * newest_ns + self._host_ahead_s)

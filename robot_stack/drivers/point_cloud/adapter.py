@@ -117,7 +117,7 @@ class PointCloudAdapter:
             step_s = stamp_s - before_s
             if abs(step_s) < 0.01 * period_s:
                 self.counters.add(DOUBLED)
-                raise CloudRefused(f"the sweep of {stamp_s:.3f} s came before, expected a newer one")
+                raise CloudRefused(f"the sweep of {stamp_s:.3f} s was received before, expected a newer one")
             if step_s < 0.0:
                 self.counters.add(OUT_OF_ORDER)
                 raise CloudRefused(f"the sweep is {-step_s:.3f} s older than the one before, expected a newer one")

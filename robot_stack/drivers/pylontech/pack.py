@@ -86,7 +86,7 @@ class Pack:
             return f"no frame {' and '.join(missing)} for {self._params.stale_s:g} s{why}"
         protection, requests = self._fresh(Protection, now_s), self._fresh(Requests, now_s)
         if protection is not None and protection.protections:
-            return f"the battery protects itself: {', '.join(protection.protections)}"
+            return f"the battery reports active protections: {', '.join(protection.protections)}"
         if requests is not None and not requests.may_discharge:
             return "the battery does not allow discharging"
         return ""

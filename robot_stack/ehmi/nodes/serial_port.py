@@ -123,7 +123,7 @@ class SerialPort:
     def _lost(self, error: Exception) -> None:
         self._drop_port()
         with self._turn:
-            self._link.lost(f"{self._port} is gone: {_reason(error)}", time.monotonic())
+            self._link.lost(f"{self._port} is disconnected: {_reason(error)}", time.monotonic())
 
     def _drop_port(self) -> None:
         if self._serial is not None:

@@ -17,10 +17,10 @@ class Confidence(Enum):
     """
 
     SEARCHING = "searching the map"
-    AMBIGUOUS = "several places fit: motion decides"
+    AMBIGUOUS = "several poses fit: motion resolves the ambiguity"
     CONFIRMING = "confirming the pose"
     TRACKING = "tracking"
-    DEAD_RECKONING = "dead reckoning: nothing around to match"
+    DEAD_RECKONING = "dead reckoning: no structure to match"
 
 
 def lack_of_evidence(match: Match, evidence: EvidenceParams) -> str:
@@ -28,18 +28,18 @@ def lack_of_evidence(match: Match, evidence: EvidenceParams) -> str:
     if not match.score >= evidence.least_score:
         return f"less than {evidence.least_score}"
     if not match.contrast >= evidence.min_contrast:
-        return f"{match.contrast:.1f} times that of poses beside it, {evidence.min_contrast} are needed"
+        return f"{match.contrast:.1f} times the score of neighbouring poses, {evidence.min_contrast} are needed"
     if not match.agreement >= evidence.min_agreement:
-        return f"of what lies where the map knows anything it explains {match.agreement:.0%}"
+        return f"{match.agreement:.0%} of the points in mapped space agree with the map"
     if not match.pierced <= evidence.max_pierced * match.agreement:
-        return f"{match.pierced:.0%} of the rays pass through what the map has"
+        return f"{match.pierced:.0%} of the rays pass through mapped obstacles"
     if not match.residual <= evidence.max_residual:
         return f"points lie {match.residual:.1f} variances off their surfaces"
     _, value_m2 = match.position_variances_m2
     if not (math.sqrt(value_m2) <= evidence.held_sigma_m):
-        return f"and one direction is open by {math.sqrt(value_m2):.2f} m"
+        return f"and one direction has a sigma of {math.sqrt(value_m2):.2f} m"
     if not math.sqrt(match.planar_covariance[2, 2]) <= evidence.held_sigma_rad:
-        return f"and the heading is open by {math.sqrt(match.planar_covariance[2, 2]):.2f} rad"
+        return f"and the heading has a sigma of {math.sqrt(match.planar_covariance[2, 2]):.2f} rad"
     return ""
 
 
@@ -57,7 +57,7 @@ def problem_of(match: Match, predicted: Pose2, position_sigma_m: float, yaw_sigm
     if not match.converged:
         return f"not converged after {match.iterations} iterations"
     if match.reversals > gate.max_reversals:
-        return f"swings between two answers: {match.reversals} reversals"
+        return f"oscillates between two solutions: {match.reversals} reversals"
     if match.structure < gate.min_structure_points:
         return f"{match.structure} points above the ground, {gate.min_structure_points} are needed"
     doubt = _doubt(match, gate)
@@ -68,7 +68,7 @@ def problem_of(match: Match, predicted: Pose2, position_sigma_m: float, yaw_sigm
     # A match with one unconstrained direction still constrains the other; its covariance shows which.
     sigma_m = math.sqrt(match.position_variances_m2[0])
     if not sigma_m <= gate.max_sigma_m:
-        return f"sigma {sigma_m:.2f} m: the surroundings do not hold the pose"
+        return f"sigma {sigma_m:.2f} m: the surroundings do not constrain the pose"
     jump_m, turn_rad = (
         match.planar.distance_to(predicted),
         abs(math.remainder(match.planar.yaw - predicted.yaw, math.tau)),
@@ -89,7 +89,7 @@ def _doubt(match: Match, gate: GateParams) -> str:
         return f"score {match.score:.2f} is below {gate.min_score}: {lack}" if lack else ""
     if match.pierced <= gate.max_pierced:
         return ""
-    return f"score {match.score:.2f}, and {match.pierced:.0%} of the rays pass through what the map has"
+    return f"score {match.score:.2f}, and {match.pierced:.0%} of the rays pass through mapped obstacles"
 
 
 class LocalizationState:

@@ -118,17 +118,17 @@ class SweepSolver:
     def _compare(self, request: MatchRequest, points: Floats) -> MatchResult:
         rivals = tuple(self.matcher.match(points, guess, request.up, request.off_m) for guess in request.guesses)
         if max(match.structure for match in rivals) < self._params.gate.min_structure_points:
-            return MatchResult(request, None, len(points), "nothing stands around to tell the places apart by")
-        return MatchResult(request, None, len(points), f"{len(rivals)} places fit", rivals=rivals)
+            return MatchResult(request, None, len(points), "no structure to distinguish the poses")
+        return MatchResult(request, None, len(points), f"{len(rivals)} poses fit", rivals=rivals)
 
     def _look(self, request: MatchRequest, points: Floats, region: Region) -> MatchResult:
         found = search(self.matcher, points, request.up, region, self._params.search)
         if found.best is not None and found.best.structure < self._params.gate.min_structure_points:
-            return MatchResult(request, None, len(points), "nothing stands around to find the pose by")
+            return MatchResult(request, None, len(points), "no structure to find the pose")
         if found.best is not None and found.clear(self._params.search):
             if region.turn_rad >= math.pi or self._fits_nowhere_better(request, points, found.best):
                 return MatchResult(request, found.best, len(points), "")
-            return MatchResult(request, None, len(points), "another place fits better than those near the last")
+            return MatchResult(request, None, len(points), "a pose elsewhere fits better than those near the last")
         alone = self._standing_out(region, points, found)
         if alone is not None:
             return MatchResult(request, alone, len(points), "")

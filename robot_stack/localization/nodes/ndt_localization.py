@@ -117,7 +117,7 @@ class NdtLocalizationNode(StackNode):
         if not usable_covariance(covariance):  # zero or invalid, as some tools send it
             covariance = self.localizer.start_covariance()
         self.localizer.reset(pose, covariance, time_to_s(message.header.stamp))
-        self.get_logger().info(f"/initialpose taken: x {pose.x:.2f} m, y {pose.y:.2f} m, yaw {pose.yaw:.3f} rad")
+        self.get_logger().info(f"/initialpose accepted: x {pose.x:.2f} m, y {pose.y:.2f} m, yaw {pose.yaw:.3f} rad")
 
     def _tick(self) -> None:
         self._match()

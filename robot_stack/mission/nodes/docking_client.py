@@ -21,7 +21,7 @@ _RESULTS = {Kind.DOCK: Dock.Result, Kind.UNDOCK: Undock.Result}
 _ASK_S = 1.0
 # An unknown goal counts as lost after this time; before, it may still be in transit.
 _ON_THE_WAY_S = 2.0
-_FORGOTTEN = "docking_controller does not know the goal: was it restarted?"
+_FORGOTTEN = "docking_controller has no such goal: was it restarted?"
 
 
 class _Goal:

@@ -88,7 +88,7 @@ class PerceptionPipelineNode(StackNode):
             return None, str(error)
         problem = watch.stamp_problem(stamp_s, self.now_s())
         if not problem and watch.frozen(points):
-            problem = "frozen: the same points came before"
+            problem = "frozen: equal to earlier points"
         if not problem and sensor == frames.LIDAR:
             problem = watch.blind(points, stamp_s, self._excused if self._pipeline.chair else None)
         problem = problem or self._pipeline.motion.problem(stamp_s)

@@ -59,5 +59,5 @@ def start_server(params: ViewParams, listener: ServerListener, context: foxglove
         )
     except RuntimeError as error:
         raise ViewError(
-            f"port {params.port} of {params.host} cannot be had: {error}; `robot-stack view --port` takes another"
+            f"port {params.port} of {params.host} is not available: {error}; set another by `robot-stack view --port`"
         ) from error

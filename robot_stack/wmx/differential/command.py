@@ -79,5 +79,5 @@ class TwistCommand:
         if self._linear_mps == 0.0 and self._angular_radps == 0.0:
             self._rested = True
         if not self._rested:
-            return Command(0.0, 0.0, "waiting for the command to be zero or silent once", blocked=True)
+            return Command(0.0, 0.0, "waiting for a zero command or a command timeout", blocked=True)
         return Command(self._linear_mps, self._angular_radps)

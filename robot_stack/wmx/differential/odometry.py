@@ -78,7 +78,7 @@ class WheelOdometry:
         settings = self._settings
         elapsed_s = reading.stamp_s - last.stamp_s
         if reading.generation != last.generation or elapsed_s < 0.0:
-            return "the engine began anew: motion meanwhile is unknown"
+            return "the engine restarted: motion meanwhile is unknown"
         if elapsed_s > settings.longest_gap_s:
             return f"no encoder reading for {elapsed_s:.2f} s, at most {settings.longest_gap_s} s: motion is unknown"
         allowed = 2.0 * settings.max_wheel_speed_radps * max(elapsed_s, settings.shortest_interval_s)

@@ -103,7 +103,7 @@ class DiffDriveParams(Config):
         if self.publish_tf and not self.publish_pose:
             raise ValueError("publish_tf needs publish_pose: without a pose there is no transform")
         if not named(self.cmd_vel_topic):
-            raise ValueError("cmd_vel_topic needs a name: without commands nothing drives")
+            raise ValueError("cmd_vel_topic needs a name: the commands arrive on it")
         if self.publish_pose and not (self.odom_frame and self.base_frame):
             raise ValueError("odom_frame and base_frame need names with publish_pose")
         return self

@@ -32,7 +32,7 @@ _NO_BUS_YET = "the engine does not communicate yet"
 _RENEWED = 1.0 / 3.0
 _SHORTEST_RAMP_S = 1e-3
 _HALTING = (DetailOperationState.Stop_QStop, DetailOperationState.Stop_EStop)
-_HELD_UP = "held up between the engine's status and the command"
+_HELD_UP = "delayed between the engine's status and the command"
 
 Missing = tuple[Stage, str] | None
 
@@ -157,7 +157,7 @@ class WheelSession:
         if since_s is None or 0.0 <= snapshot.engine_time_s - since_s <= self._settings.follow_s:
             return None
         idle = [axis for axis in axes if snapshot.op_state[axis] == OperationState.Idle]
-        return self._fault(snapshot, f"{self._names(idle)} wheel was stopped by another") if idle else None
+        return self._fault(snapshot, f"{self._names(idle)} wheel was stopped by another client") if idle else None
 
     # --- motion ------------------------------------------------------------------------------------------------------
 

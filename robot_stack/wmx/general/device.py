@@ -111,7 +111,7 @@ class Device:
         elif failures < self._attempts:
             self._log.warning(f"{attempt}: {error}; again in {self._retry_s} s")
         elif failures == self._attempts:
-            self._log.error(f"{attempt}: {error}; the node goes on without a device and keeps trying")
+            self._log.error(f"{attempt}: {error}; the node continues without a device and retries")
 
     def _on_lost(self) -> None:
         self._log.error("the motion engine has ended: the device is lost")

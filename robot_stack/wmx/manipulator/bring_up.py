@@ -141,7 +141,7 @@ class BringUp:
             return False
         if now_s - self._cycle_s < self._settings.stale_s:
             return False
-        self.status_problem = "the engine's cycles stand still"
+        self.status_problem = "the engine's cycles do not advance"
         return True
 
     def _on_silence(self, snapshot: StatusSnapshot) -> None:

@@ -108,7 +108,7 @@ def not_ready(state: ArmState, joints: tuple[str, ...]) -> Fault | None:
     for axis in np.flatnonzero(~state.position_mode):
         return Fault(CoreMotionErrorCode.NotPosMode, f"{joints[axis]}: is not in position mode")
     for axis in np.flatnonzero(~state.idle):
-        return Fault(ErrorCode.NotIdleState, f"{joints[axis]}: is being moved by somebody else")
+        return Fault(ErrorCode.NotIdleState, f"{joints[axis]}: is being moved by another client")
     return None
 
 
@@ -118,4 +118,4 @@ def end_fault(state: ArmState, joints: tuple[str, ...]) -> Fault:
         code = int(state.end_reason[axis])
         return Fault(code, f"{joints[axis]}: stopped by the engine, {error_name(code)}")
     names = ", ".join(joints[axis] for axis in np.flatnonzero(~state.complete))
-    return Fault(ErrorCode.NoMotion, f"stopped by somebody else before the end: {names}")
+    return Fault(ErrorCode.NoMotion, f"stopped by another client before the end: {names}")

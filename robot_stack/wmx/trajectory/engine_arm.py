@@ -25,7 +25,7 @@ _CHANNEL = 0
 _STATUS, _BUFFER, _START = "engine status", "spline buffer", "starting the spline"
 _STOP, _QUICK_STOP, _GRIPPER = "stop", "quick stop", "gripper output"
 _BUFFER_RETRY_S = 1.0
-_LEFT_MOVING = "stopping a trajectory whose server is gone"
+_LEFT_MOVING = "stopping a trajectory whose server has ended"
 
 
 class EngineArm:
@@ -74,7 +74,7 @@ class EngineArm:
 
     def start(self, spline: ClampedSpline) -> Fault | None:
         if self._buffered_connection != self._session.connections:
-            text = self._session.refusal(_BUFFER, "the spline buffer is not there yet")
+            text = self._session.refusal(_BUFFER, "the spline buffer does not exist yet")
             return Fault(CoreMotionErrorCode.ChannelBufferMemoryNotAllocated, text)
         command = AdvMotion_PointTimeSplineCommand(self._n_joints, list(range(self._n_joints)))
         points = [AdvMotion_SplinePoint(row) for row in spline.positions.tolist()]

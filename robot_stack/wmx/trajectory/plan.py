@@ -102,7 +102,7 @@ def _check_start(points: Waypoints, present: FloatArray, joints: tuple[str, ...]
         axis = int(np.argmax(np.abs(points.velocities[0])))
         raise GoalRefused(
             GoalCode.INVALID_GOAL,
-            f"points[0].velocities: {joints[axis]} at {points.velocities[0, axis]:g} rad/s at time 0, when it stands",
+            f"points[0].velocities: {joints[axis]} at {points.velocities[0, axis]:g} rad/s at time 0, at standstill",
         )
 
 
@@ -149,7 +149,7 @@ def _caught_up(points: Waypoints, late_s: float, limits: PlanLimits) -> Waypoint
     if not reachable.any():
         raise GoalRefused(
             GoalCode.INVALID_GOAL,
-            f"trajectory.header.stamp: {late_s:.3f} s ago, the trajectory cannot be caught up with any more",
+            f"trajectory.header.stamp: {late_s:.3f} s ago, it is too late to catch up with the trajectory",
         )
     first = int(np.argmax(reachable))
     rest = replace(ahead, velocities=velocities, times_s=h).rows(slice(first, None))
@@ -191,7 +191,7 @@ def _check_peak(what: str, unit: str, peaks: FloatArray, limits: tuple[float, ..
     for joint, peak, limit in zip(joints, peaks.tolist(), limits, strict=False):
         if limit > 0.0 and peak > limit:
             raise GoalRefused(
-                GoalCode.INVALID_GOAL, f"{joint}: {what} {peak:.3f} {unit} on the way, at most {limit:g} {unit}"
+                GoalCode.INVALID_GOAL, f"{joint}: {what} {peak:.3f} {unit} along the path, at most {limit:g} {unit}"
             )
 
 

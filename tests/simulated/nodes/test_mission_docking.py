@@ -133,7 +133,7 @@ def test_nobody_there(world):
     world.launch(docking_wait_s=1.5)
     world.begin()
     world.reason("docking to chair_1: waiting for docking_controller")
-    world.fails("docking to chair_1 failed: waited 2 s in vain for docking_controller", 1.5)
+    world.fails("docking to chair_1 failed: timed out after 2 s waiting for docking_controller", 1.5)
 
 
 def test_a_docking_that_hangs_is_cancelled(world):

@@ -188,7 +188,7 @@ def test_a_frozen_a_covered_and_a_blind_sensor_say_so_and_nothing_else(scene: Sc
     scene.see()
     scene.goes_on()
     scene.frozen = True
-    scene.is_silent("frozen: the same points came before")
+    scene.is_silent("frozen: equal to earlier points")
     scene.frozen = False
     scene.goes_on()
     scene.spoil = lambda points: points[::20]

@@ -198,7 +198,7 @@ def test_two_keys(scene: Scene) -> None:
     scene.bench.run(0.4)
     moving = scene.reset()
     assert not moving.success
-    assert "does not stand still" in moving.message
+    assert "is not at standstill" in moving.message
     scene.wheel_radps = 0.0
     assert latched(scene.status.last)
     scene.bench.run(0.4)

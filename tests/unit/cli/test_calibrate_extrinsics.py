@@ -105,7 +105,7 @@ def test_it_finds_the_mount_and_draws(ride: Path, tmp_path: Path) -> None:
         turned_by_deg(truth[:3, :3], FRONT_CAMERA), abs=0.15
     )
     assert _numbers("front_camera_xyz_m", result.stdout) == pytest.approx(truth[:3, 3], abs=0.006)
-    assert f"{PLACES} places before the markers of {DOCK}; {PLACES} of {PLACES} images" in result.stdout
+    assert f"{PLACES} places in front of the markers of {DOCK}; {PLACES} of {PLACES} images" in result.stdout
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
@@ -125,7 +125,7 @@ def _numbers(key: str, text: str) -> list[float]:
         ),
         (lambda folder: folder, [], "is no recording|cannot be read"),
         (lambda folder: write(folder, images=False, stand_s=1.0), [], "no message on /sensors/camera/front/image"),
-        (lambda folder: write(folder, images=True, stand_s=0.1), [], "the robot stood nowhere in sight of the markers"),
+        (lambda folder: write(folder, images=True, stand_s=0.1), [], "no standstill with the markers in view"),
     ],
     ids=["camera", "recording", "images", "never stands"],
 )

@@ -101,7 +101,7 @@ def ride_of(recording):
 
 @pytest.mark.parametrize("heard", ["ends"], indirect=True)
 def test_what_is_recorded_makes_the_same_ride_as_everything_that_came(heard, folder, everything):
-    with pytest.raises(CommandError, match="ended; the map of this ride"):
+    with pytest.raises(CommandError, match="ended; to build the map of this ride"):
         map_teach.teach_map("room", folder / "maps", None, folder / "ride", None)
     taught, whole = ride_of(folder / "ride"), ride_of(everything)
     # The first messages only show that a stack runs: the ride starts with the second sweep, at standstill.

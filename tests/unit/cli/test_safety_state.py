@@ -17,7 +17,7 @@ def said(state: str, *faults: str) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("safety", "line"),
     [
-        (None, "safety: the safety monitor says nothing"),
+        (None, "safety: no status of the safety monitor"),
         (said("NORMAL"), "safety: NORMAL"),
         (said("DEGRADED", "IMU_TIMEOUT"), "safety: DEGRADED: IMU_TIMEOUT; clears when the cause is gone"),
     ],

@@ -144,7 +144,7 @@ def test_a_draft_is_judged_at_its_fields() -> None:
         (({"dock": "chair_1"}, {"dock": "charger"}), "already carrying a wheelchair"),
         (({"dock": "chair_9"}, "park"), "no dock 'chair_9'"),
         (({"dock": "charger"}, "pass"), "leaves the dock 'charger' without an undock"),
-        (("undock", "undock"), "asks to undock"),
+        (("undock", "undock"), "undocks"),
     ],
 )
 def test_docking_that_cannot_be_is_a_problem_of_its_action(actions: tuple[object, ...], problem: str) -> None:

@@ -43,7 +43,7 @@ class TestPage:
         with pytest.raises(FileNotFoundError):
             SharedPage(tmp_path / "page", 1, create=False)
         (tmp_path / "page").write_bytes(b"\0" * 8)
-        with pytest.raises(FileNotFoundError, match="being made"):
+        with pytest.raises(FileNotFoundError, match="being created"):
             SharedPage(tmp_path / "page", 1, create=False)
 
     def test_a_writer_that_died_over_it_leaves_what_was_before(self, tmp_path: Path) -> None:

@@ -383,7 +383,7 @@ def test_all_encoders_that_jump_leave_the_pose_standing():
     assert got.pose == IDENTITY
     assert got.twist == ZERO_TWIST
     assert got.used == ()
-    assert "fewer than 2 modules can be believed" in got.faults[-1]
+    assert "fewer than 2 modules are plausible" in got.faults[-1]
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])

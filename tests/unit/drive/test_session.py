@@ -258,7 +258,7 @@ def test_stop_that_a_new_session_finds_is_somebody_elses_and_needs_both_keys(sto
     stage, text = story.tick(5.0)
     assert (stage, text) == (
         Stage.TRIPPED,
-        "an emergency stop that nobody here asked for; needs an emergency stop and its release",
+        "an emergency stop of another source; needs an emergency stop and its release",
     )
     assert story.engine.snapshot.emergency_stop
     assert "ReleaseEStop" not in story.engine.calls
@@ -272,7 +272,7 @@ def test_stop_by_somebody_else_is_not_released_by_itself(story: Story):
     story.engine.snapshot = replace(story.engine.snapshot, emergency_stop=True)
     stage, text = story.tick(5.0)
     assert stage is Stage.TRIPPED
-    assert text == "an emergency stop that nobody here asked for; needs an emergency stop and its release"
+    assert text == "an emergency stop of another source; needs an emergency stop and its release"
     story.tick(stop=True)
     story.tick(0.2)
     assert story.session.ready

@@ -60,7 +60,7 @@ def test_alarms(address: int, health: Health, says: str) -> None:
     reading = made.received(VENDOR | ALARMS | {address: 2}, 0.0)
     assert reading is not None
     assert reading.health is health
-    assert made.problem(0.0) == f"the battery complains: {says}"
+    assert made.problem(0.0) == f"the battery reports faults: {says}"
     assert made.values(0.0)["alarms"] == says.replace(" ", "_")
 
 
@@ -92,7 +92,7 @@ def test_what_cannot_be_true_is_refused_and_the_reading_before_grows_old(raw: di
     assert says in made.refusal
     assert made.reading(2.9) is not None
     assert made.reading(3.1) is None
-    assert made.problem(3.1) == f"no answer of use for 3 s, the last was refused: {made.refusal}"
+    assert made.problem(3.1) == f"no valid response for 3 s, the last was refused: {made.refusal}"
     assert (made.counters[TAKEN], made.counters[REFUSED]) == (1, 1)
 
 

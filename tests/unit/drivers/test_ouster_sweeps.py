@@ -148,7 +148,7 @@ def test_a_covered_lidar_is_said() -> None:
     built = builder(device)
     assert not run(built, list(device.packets(2 * TURN)))
     assert built.counters[EMPTY] == 2
-    assert built.problem == "no beam of the newest sweep came back"
+    assert built.problem == "the newest sweep has no returns"
     assert len(run(built, list(device.packets(TURN, 2 * TURN)), NOW_S + 0.2)) == 1
     assert built.problem == ""
 

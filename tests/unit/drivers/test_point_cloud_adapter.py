@@ -253,7 +253,7 @@ def test_lost_doubled_and_swapped_sweeps_are_counted() -> None:
 
     take(0)
     take(1)
-    with pytest.raises(CloudRefused, match=r"came before, expected a newer one"):
+    with pytest.raises(CloudRefused, match=r"was received before, expected a newer one"):
         take(1)
     take(5)
     late = cloud_of(HESAI, SEEN, start_s=START_S + 0.4)

@@ -154,7 +154,7 @@ def test_health_is_the_worst_complaint(place: str, flags: bytes, health: Health)
 
 def test_a_battery_that_switches_itself_off_says_so() -> None:
     assert pack_of(Battery(protections=b"\x88\x00")).problem(0.0) == (
-        "the battery protects itself: over temperature, discharge over current"
+        "the battery reports active protections: over temperature, discharge over current"
     )
     assert pack_of(Battery(requests=0x80)).problem(0.0) == "the battery does not allow discharging"
     assert pack_of(Battery(requests=0xB0)).values(0.0)["may be discharged"] == "no"

@@ -125,12 +125,12 @@ def test_a_passenger_is_seen_under_the_wave():
 @pytest.mark.parametrize(
     ("state", "fields", "problem"),
     [
-        (6, {"frequency_hz": 2.5}, "red never"),
+        (6, {"frequency_hz": 2.5}, "red must not"),
         (5, {"frequency_hz": 3.0}, "less than 3"),
-        (2, {"pictogram": "none"}, "without pictogram and text"),
-        (2, {"text": {"en": "x", "ja": "", "zh": "x"}}, "without pictogram and text"),
-        (0, {"sound": "alarm"}, "without pictogram and text"),
-        (2, {"colour": "none"}, "without pictogram"),
+        (2, {"pictogram": "none"}, "needs a pictogram and a text"),
+        (2, {"text": {"en": "x", "ja": "", "zh": "x"}}, "needs a pictogram and a text"),
+        (0, {"sound": "alarm"}, "needs a pictogram and a text"),
+        (2, {"colour": "none"}, "needs a pictogram"),
         (2, {"direction": "none"}, "direction and motion"),
         (1, {"direction": "front"}, "direction and motion"),
         (1, {"frequency_hz": 1.0}, "frequency_hz and motion"),

@@ -42,12 +42,12 @@ def test_a_match_of_low_score_counts_if_everything_else_speaks_for_it() -> None:
 @pytest.mark.parametrize(
     ("changed", "word"),
     [
-        ({"contrast": 1.5}, "beside it"),
-        ({"agreement": 0.4}, "knows anything"),
+        ({"contrast": 1.5}, "neighbouring"),
+        ({"agreement": 0.4}, "mapped space"),
         ({"pierced": 0.15}, "pass through"),
         ({"residual": 2.0}, "variances"),
-        ({"contrast": math.nan}, "beside it"),
-        ({"agreement": math.nan}, "knows anything"),
+        ({"contrast": math.nan}, "neighbouring"),
+        ({"agreement": math.nan}, "mapped space"),
         ({"pierced": math.nan}, "pass through"),
         ({"residual": math.nan}, "variances"),
     ],
@@ -61,7 +61,7 @@ def test_a_match_of_low_score_must_hold_the_pose_in_every_direction(axis: int) -
     match = found(0.3)
     open_along = match.covariance.copy()
     open_along[axis, axis] = 0.25
-    assert "open by" in problem(replace(match, covariance=open_along))
+    assert "has a sigma of" in problem(replace(match, covariance=open_along))
 
 
 def test_next_to_nothing_explained_is_never_enough() -> None:

@@ -159,7 +159,7 @@ def test_the_pose_follows_a_drive_and_outlives_wheels_that_slide() -> None:
     assert story.localizer.confidence is Confidence.TRACKING
 
 
-SLIPS = "wheels slip: the map sees another way"
+SLIPS = "wheels slip: map and wheels disagree on the motion"
 
 
 @pytest.mark.parametrize(

@@ -82,8 +82,8 @@ def test_views_that_are_wrong_move_it_little() -> None:
     ("base", "noise_m", "why"),
     [
         (way(10, 0.35, 0.3, 14.0), 0.003, "only 10 views of the board, at least 25"),
-        (way(60, 0.35, 0.3, 3.0), 0.003, r"turned by 6 deg only .* wanted 15"),
-        (way(60, 0.02, 0.0, 14.0), 0.02, r"the angles are known to \d+\.\d+ deg only, wanted 0\.1"),
+        (way(60, 0.35, 0.3, 3.0), 0.003, r"turned by only 6 deg .* 15 deg are needed"),
+        (way(60, 0.02, 0.0, 14.0), 0.02, r"the deviation of the angles is \d+\.\d+ deg, at most 0\.1 deg"),
     ],
     ids=["few", "no turn", "no way"],
 )
@@ -94,5 +94,5 @@ def test_what_cannot_be_told_is_refused(base: Floats, noise_m: float, why: str) 
 
 def test_a_place_that_cannot_be_told_is_refused() -> None:
     settings = SETTINGS.model_copy(update={"deviation_deg": 5.0})
-    with pytest.raises(RideError, match=r"the place is known to \d+\.\d mm only, wanted 5"):
+    with pytest.raises(RideError, match=r"the deviation of the position is \d+\.\d mm, at most 5 mm"):
         camera_mount_of(*views(way(60, 0.5, 0.5, 8.0), 0, place_m=0.02), NOMINAL, settings)

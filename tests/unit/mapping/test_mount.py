@@ -106,13 +106,13 @@ def test_a_ride_without_a_turn_is_refused() -> None:
 def test_a_short_ride_and_one_without_ground_are_refused() -> None:
     whole, params = ride((0.0, 0.0, 0.0)), site.params()
     long = params.model_copy(update={"mount": params.mount.model_copy(update={"shortest_m": 100.0})})
-    with pytest.raises(RideError, match="too short to tell the heading"):
+    with pytest.raises(RideError, match="too short for the heading"):
         mount_of(whole, long, load_robot())
     aloft = tuple(replace(sweep, points=sweep.points + np.float32([0.0, 0.0, 2.0])) for sweep in whole.sweeps)
     with pytest.raises(RideError, match="sweeps show ground"):
         mount_of(replace(whole, sweeps=aloft), params, load_robot())
     strict = params.model_copy(update={"mount": params.mount.model_copy(update={"deviation_deg": 1e-6})})
-    with pytest.raises(RideError, match=r"the tilt is known to .* only"):
+    with pytest.raises(RideError, match=r"the deviation of the tilt is .* allowed"):
         mount_of(whole, strict, load_robot())
 
 

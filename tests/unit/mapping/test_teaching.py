@@ -127,7 +127,7 @@ def test_a_good_ride_warns_of_the_wheels_alone(ridden):
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"points_age_s": 1.5}, "no sweep of the LiDAR"),
+        ({"points_age_s": 1.5}, "no LiDAR sweep"),
         ({"odometry_age_s": 1.5}, "no odometry"),
         ({"imu_age_s": 1.5}, "no inertial unit"),
         ({"lost": 1}, "messages are lost"),
@@ -153,11 +153,11 @@ def test_a_driver_who_is_too_fast(ridden, twist, words):
 def test_a_driver_who_stands_and_one_who_never_stood(ridden):
     settings = site.params().teach
     (found,) = warnings_of(WELL, stood(settings.idle_s + 1.0), ridden[0], settings)
-    assert "standing for more than 30 s" in found
+    assert "at standstill for more than 30 s" in found
     motion = stood(1.0)
     motion.update(1.02, 0.5, 0.0, 0.0)
     (found,) = warnings_of(WELL, motion, ridden[0], settings)
-    assert "not yet stood still" in found
+    assert "no standstill of" in found
 
 
 def test_wheels_that_slip(ridden):

@@ -108,7 +108,7 @@ class Story:
     def departs(self) -> Story:
         """Ticks until the departure warning, which a long standstill requires, is over."""
         self.tick()
-        while "about to set out" in self.status.reason:
+        while "about to start: warning" in self.status.reason:
             self.tick()
         return self
 

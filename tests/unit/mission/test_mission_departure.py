@@ -31,7 +31,7 @@ def warned(story: Story) -> float:
         assert story.now_s < begun_s + 20.0, "it never sets out"
         story.tick()
         if story.goal is None and story.call is None:
-            assert "about to set out" in story.status.reason
+            assert "about to start: warning" in story.status.reason
             assert story.status.display in (
                 Display.NAVIGATING,
                 Display.TRANSPORT,
@@ -159,7 +159,7 @@ def test_a_robot_that_stands_under_way_says_that_it_waits_and_chimes_anew_before
         story.tick()
     story.tick()
     assert story.status.display == Display.NAVIGATING
-    assert "about to set out" in story.status.reason
+    assert "about to start: warning" in story.status.reason
 
 
 def test_a_robot_that_waits_for_the_docking_controller_says_so(story):
@@ -188,7 +188,7 @@ def test_docking_that_had_to_wait_is_warned_of(story):
 def test_no_warning_while_the_docking_controller_is_not_there(story):
     story.start(DOCK).at(1.0, speed=0.5).tick().arrive(2.0).given(faults=("COLLISION_IMMINENT",)).tick(15.0)
     story.given(faults=(), docking_served=False).tick(5.0)
-    assert "about to set out" not in story.status.reason
+    assert "about to start: warning" not in story.status.reason
     story.given(docking_served=True)
     assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
 

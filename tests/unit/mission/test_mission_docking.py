@@ -145,14 +145,14 @@ def test_no_stall_counts_while_docking(docking):
 @pytest.mark.parametrize(
     ("actions", "aboard", "why"),
     [
-        ((DOCK, "park"), True, "waypoint 'w0' of 'ride' asks to dock to 'chair_1', but the robot is already carrying"),
-        ((DOCK, DOCK), False, "waypoint 'w1' of 'ride' asks to dock to 'chair_1', but the robot is already carrying"),
-        (("pass", "undock"), False, "waypoint 'w1' of 'ride' asks to undock, but no wheelchair is attached then and "),
-        ((DOCK, "undock", "undock"), False, "waypoint 'w2' of 'ride' asks to undock, but no wheelchair"),
+        ((DOCK, "park"), True, "waypoint 'w0' of 'ride' docks to 'chair_1', but the robot is already carrying"),
+        ((DOCK, DOCK), False, "waypoint 'w1' of 'ride' docks to 'chair_1', but the robot is already carrying"),
+        (("pass", "undock"), False, "waypoint 'w1' of 'ride' undocks, but no wheelchair is attached then and "),
+        ((DOCK, "undock", "undock"), False, "waypoint 'w2' of 'ride' undocks, but no wheelchair"),
         (({"dock": "chair_9"}, "park"), False, "waypoint 'w0' of 'ride': there is no dock 'chair_9'; known: chair_1, "),
         ((CHARGE, "park"), False, "waypoint 'w1' of 'ride' leaves the dock 'charger' without an undock before"),
-        ((CHARGE, DOCK), False, "waypoint 'w1' of 'ride' asks to dock to 'chair_1', but the robot is already docked"),
-        ((CHARGE,), True, "waypoint 'w0' of 'ride' asks to dock to 'charger', but the robot is already carrying"),
+        ((CHARGE, DOCK), False, "waypoint 'w1' of 'ride' docks to 'chair_1', but the robot is already docked"),
+        ((CHARGE,), True, "waypoint 'w0' of 'ride' docks to 'charger', but the robot is already carrying"),
     ],
 )
 def test_what_cannot_be_docked_is_refused_at_the_start(story, actions, aboard, why):
@@ -212,7 +212,7 @@ def test_without_a_docking_controller(story):
     assert story.state is State.DOCKING
     story.tick(1.0)
     assert story.state is State.FAILED
-    assert story.status.reason == "docking to chair_1 failed: waited 10 s in vain for docking_controller"
+    assert story.status.reason == "docking to chair_1 failed: timed out after 10 s waiting for docking_controller"
     assert story.calls() == []
 
 
@@ -226,7 +226,7 @@ def test_a_docking_controller_that_comes_late_is_asked(story):
 def test_a_docking_controller_at_work_for_somebody_else_is_waited_for(story, state):
     story.start(DOCK).given(docking_state=state).reach(2.0).tick()
     assert story.calls() == []
-    why = "waiting for docking_controller to end what it was doing"
+    why = "waiting for docking_controller to end its present goal"
     assert story.status.reason == f"docking to chair_1: {why}"
     story.given(docking_state="IDLE").tick()
     assert story.calls() == [("dock", "chair_1")]
@@ -234,7 +234,7 @@ def test_a_docking_controller_at_work_for_somebody_else_is_waited_for(story, sta
 
 def test_a_goal_waits_until_the_robot_stands(story):
     story.start(DOCK).arrive(2.0).at(2.0, speed=0.2).tick()
-    assert story.status.reason == "docking to chair_1: waiting for the robot to stand"
+    assert story.status.reason == "docking to chair_1: waiting for standstill of the robot"
     assert story.calls() == []
     story.at(2.0).tick()
     assert story.calls() == [("dock", "chair_1")]
@@ -278,7 +278,7 @@ def test_a_result_that_never_comes(docking):
 def test_a_docking_controller_that_dies(docking):
     docking.given(docking_state="", docking_served=False).tick()
     assert docking.state is State.FAILED
-    assert docking.status.reason == "docking to chair_1 failed: docking_controller is gone"
+    assert docking.status.reason == "docking to chair_1 failed: docking_controller is not available"
 
 
 def test_a_docking_controller_that_falls_silent(docking):
@@ -286,7 +286,7 @@ def test_a_docking_controller_that_falls_silent(docking):
     assert docking.state is State.DOCKING
     docking.tick()
     assert docking.state is State.FAILED
-    assert docking.status.reason == "docking to chair_1 failed: docking_controller has been silent for 3 s"
+    assert docking.status.reason == "docking to chair_1 failed: no status of docking_controller for 3 s"
     assert docking.call is None
 
 
@@ -304,7 +304,7 @@ def test_a_late_result_of_an_old_goal_is_not_taken_for_the_new_one(docking):
     old = docking.called()
     docking.command(ev.PAUSE).command(ev.RESUME).tick()
     assert docking.calls() == [], "the old goal has not ended: the new one would be told that all is busy"
-    assert "to end what it was doing" in docking.status.reason
+    assert "to end its present goal" in docking.status.reason
     docking.attach().ends(True, call=old)
     docking.attach(False)
     assert docking.state is State.DOCKING
@@ -321,7 +321,7 @@ def test_an_old_goal_that_does_not_end(docking):
     docking.command(ev.PAUSE).tick(10.0).clear().command(ev.RESUME)
     docking.tick(docking.params.docking_wait_s + TICK_S)
     assert docking.state is State.FAILED
-    why = "waited 10 s in vain for docking_controller to end what it was doing"
+    why = "timed out after 10 s waiting for docking_controller to end its present goal"
     assert docking.status.reason == f"docking to chair_1 failed: {why}"
     assert docking.log.count("cancel docking") >= 4, "it is cancelled again and again"
 

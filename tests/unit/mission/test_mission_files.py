@@ -79,7 +79,7 @@ def test_a_good_file(tmp_path):
         (("waypoints", 1, "action"), {"wait": -1.0}, "waypoint 2 'bench': action.wait_s: "),
         (("waypoints", 1, "action"), {"wait": "long"}, "waypoint 2 'bench': action.wait_s: "),
         (("waypoints", 1, "action"), {"wait": math.nan}, "waypoint 2 'bench': action.wait_s: "),
-        (("waypoints", 1, "name"), "gate", "waypoints: every waypoint needs a name of its own: gate is used more "),
+        (("waypoints", 1, "name"), "gate", "waypoints: every waypoint needs a unique name: gate is used more "),
         (("waypoints", 1, "name"), "  ", "waypoint 2 '  ': name: "),
         (("waypoints", 1, "name"), DELETE, "waypoint 2: name: is missing"),
         (("waypoints", 1), "bench", "waypoint 2: "),

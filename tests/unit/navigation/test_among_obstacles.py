@@ -188,10 +188,10 @@ def test_only_way_blocked_waits_then_gives_up_with_the_reason() -> None:
 
     story = Story(closed, Grid(0.1, 0.0, 0.0, cells))
     story.go(Pose2(13.0, 5.0, 0.0))
-    story.until(lambda output: output.text.startswith("waiting: the only way is blocked at (7"), 30.0)
+    story.until(lambda output: output.text.startswith("waiting: the only path is blocked at (7"), 30.0)
     output = story.until(lambda output: output.state is NavigationState.IDLE, 30.0)
     assert "gave up" in output.text
-    assert "the only way is blocked at (7" in output.text
+    assert "the only path is blocked at (7" in output.text
     assert story.controller.path is None
     assert story.controller.goal is None
     assert output.twist == ZERO_TWIST

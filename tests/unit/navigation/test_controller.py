@@ -133,7 +133,7 @@ def test_emergency_stop_zeroes_at_once_and_only_a_new_goal_after_its_release_mov
     assert story.controller.state is NavigationState.IDLE
     assert story.controller.goal is None
     assert story.outputs[-1].text == "emergency stop: the goal is dropped"
-    assert story.go(Pose2(8.0, 0.0, 0.0)) == "an emergency stop is in force: ask again after its release"
+    assert story.go(Pose2(8.0, 0.0, 0.0)) == "an emergency stop is active: send the goal again after its release"
     story.run(3.0)
     stood_m = story.drive.pose.x
     story.emergency_stop = False

@@ -93,7 +93,7 @@ def test_too_narrow_for_the_chair_but_not_for_the_robot() -> None:
     assert route(wall_with_gate(1.2)).length_m < 11.5
     found = planner(cells).plan(START, GOAL, ROBOT.footprint_with_chair)
     assert isinstance(found, NoWay)
-    assert "no way" in found.reason or "too narrow" in found.reason
+    assert "no path" in found.reason or "too narrow" in found.reason
 
 
 def test_closed_wall_is_no_way() -> None:
@@ -101,7 +101,7 @@ def test_closed_wall_is_no_way() -> None:
     cells[:, 75] = OCCUPIED
     found = planner(cells).plan(START, GOAL, ROBOT.footprint)
     assert isinstance(found, NoWay)
-    assert "no way from (2.0, 5.0) to (13.0, 5.0)" in found.reason
+    assert "no path from (2.0, 5.0) to (13.0, 5.0)" in found.reason
 
 
 def test_the_wider_of_two_gates_is_worth_a_small_detour() -> None:

@@ -86,12 +86,12 @@ def story(grid: Grid, late: int = 0, paint: Callable[..., np.ndarray] = nothing)
 
 def test_what_the_map_closes_is_lasting_and_what_was_seen_is_not() -> None:
     assert solver(divided()).solve(question(), CancelFlag()) == RouteResult(
-        None, "no way from (2.0, 5.0) to (13.0, 5.0)", lasting=True
+        None, "no path from (2.0, 5.0) to (13.0, 5.0)", lasting=True
     )
     across = np.column_stack((np.full(200, 8.05), np.linspace(0.0, 10.0, 200)))
     answer = solver(divided(slice(40, 60))).solve(question(seen=across), CancelFlag())
     assert (answer.route, answer.lasting) == (None, False)
-    assert "no way" in answer.reason
+    assert "no path" in answer.reason
     assert solver(divided(slice(40, 60))).solve(question(), CancelFlag()).route is not None
 
 
@@ -247,8 +247,8 @@ def test_a_goal_behind_a_wall_of_the_map_is_refused_once_and_not_planned_again()
     told, routes = story(divided(), late=3)
     assert told.go(GOAL) == ""
     output = told.until(lambda output: bool(output.refused), 0.5)
-    assert output.refused == "no way from (2.0, 5.0) to (13.0, 5.0)"
-    assert output.text == "goal refused: no way from (2.0, 5.0) to (13.0, 5.0)"
+    assert output.refused == "no path from (2.0, 5.0) to (13.0, 5.0)"
+    assert output.text == "goal refused: no path from (2.0, 5.0) to (13.0, 5.0)"
     assert (output.state, output.twist) == (NavigationState.IDLE, ZERO_TWIST)
     assert told.controller.goal is None
     assert told.controller.path is None
@@ -314,7 +314,7 @@ def test_a_closed_way_is_planned_anew_only_when_something_else_is_seen() -> None
     while told.now_s < 13.9:
         told.tick()
     asked = len(routes.questions)
-    assert told.outputs[-1].text.startswith("waiting: the only way is blocked")
+    assert told.outputs[-1].text.startswith("waiting: the only path is blocked")
     while told.now_s < 16.9:
         told.tick()
     assert len(routes.questions) == asked + 1

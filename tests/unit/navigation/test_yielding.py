@@ -109,4 +109,4 @@ def test_somebody_who_meets_the_robot_in_a_gate_is_made_room_for() -> None:
         if reached(output):
             break
     assert story.outputs[-1].reached, story.outputs[-1].text
-    assert "making room for somebody" in texts
+    assert "giving way to a pedestrian" in texts

@@ -162,7 +162,7 @@ def test_contacts_that_cannot_be_read_neither_raise_nor_clear() -> None:
     story.tick().expect(EMERGENCY, ("CHAIR_LOOSE", "LATCH_NOT_CLOSED"))
     story.latch = None
     story.run(1.0).expect(EMERGENCY, ("CHAIR_LOOSE", "LATCH_NOT_CLOSED"))
-    assert "CHAIR_LOOSE: cannot be judged now" in story.reset().message
+    assert "CHAIR_LOOSE: cannot be evaluated" in story.reset().message
 
 
 @pytest.mark.parametrize("statement", [HELD, None])

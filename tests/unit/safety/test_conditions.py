@@ -364,7 +364,7 @@ def test_without_obstacles_nobody_can_judge(code: str, active_action: SafetyActi
         (
             NONE,
             pedestrian_collision(PedestrianCollision(stop=True, speed_mps=0.0)),
-            present(STOP, "somebody walks into the way"),
+            present(STOP, "pedestrian entering the path"),
         ),
         (NONE, pedestrian_collision(PedestrianCollision(stop=False, speed_mps=0.0)), CLEAR),
     ],
@@ -397,7 +397,7 @@ def near(clearance_m: float, linear_mps: float, angular_radps: float) -> Finding
         (
             NONE,
             pedestrian_collision(PedestrianCollision(speed_mps=0.4)),
-            present(LIMIT, "somebody comes", SpeedLimit(0.4, pytest.approx(0.8))),
+            present(LIMIT, "pedestrian approaching", SpeedLimit(0.4, pytest.approx(0.8))),
         ),
         (NONE, pedestrian_collision(PedestrianCollision(speed_mps=0.2), Approach(9.0, 0.75)), near(0.75, 0.2, 0.4)),
         (NONE, pedestrian_collision(PedestrianCollision(speed_mps=0.4), Approach(9.0, 0.75)), near(0.75, 0.3, 0.6)),

@@ -213,12 +213,12 @@ def test_the_monitor_slows_and_stops_for_who_comes_from_the_side() -> None:
     story.moving = who(0.0, 1.81, 0.0, -1.3).astype(np.float32)
     story.run(0.1).expect(SafetyState.COLLISION_AVOIDANCE, ["OBSTACLE_NEAR"])
     assert 0.0 < story.verdict.limit.linear_mps < SLOW.vx
-    assert story.monitor.details["OBSTACLE_NEAR"] == "somebody comes"
+    assert story.monitor.details["OBSTACLE_NEAR"] == "pedestrian approaching"
     story.moving = who(0.0, 0.9, 0.0, -1.3).astype(np.float32)
     story.run(0.1)
     assert story.verdict.action is SafetyAction.STOP
     assert story.verdict.limit.is_hard_stop()
-    assert story.monitor.details["COLLISION_IMMINENT"] == "somebody walks into the way"
+    assert story.monitor.details["COLLISION_IMMINENT"] == "pedestrian entering the path"
     story.moving = np.empty((0, 5), np.float32)
     story.run(1.0).expect(SafetyState.NORMAL)
 

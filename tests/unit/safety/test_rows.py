@@ -103,7 +103,7 @@ def test_a_condition_that_nobody_can_judge_blocks_the_release() -> None:
     row = _latching()
     row.update(DEADLY, 1.0)
     row.update(UNKNOWN, 2.0)
-    assert row.blocks_release() == "LATCHING: cannot be judged now"
+    assert row.blocks_release() == "LATCHING: cannot be evaluated"
 
 
 def test_waiting_stops_without_a_latch() -> None:

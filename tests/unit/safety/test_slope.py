@@ -67,7 +67,7 @@ def test_an_unknown_inclination_keeps_a_limit_and_ends_a_descent() -> None:
     assert watch(math.nan) == UNKNOWN
     assert limited(watch(STEEP_DEG, course(0.0))) == DESCENT
     lost = watch(math.nan, course(0.0))
-    assert (limited(lost), lost.detail) == (None, "the fall line is not known on a steep slope")
+    assert (limited(lost), lost.detail) == (None, "the fall line is unknown on a steep slope")
     assert limited(watch(STEEP_DEG, course(0.0))) == DESCENT
 
 

@@ -211,7 +211,7 @@ def test_the_first_report_may_come_before_its_message() -> None:
 
 def test_who_falls_silent_stays_pressed_until_cleared_by_name() -> None:
     bench = Bench().says("ui", True)
-    assert bench.sources.clear("ui", bench.now_s) == "ui is there and says that it is pressed: release it there"
+    assert bench.sources.clear("ui", bench.now_s) == "ui is running and reports that it is pressed: release it there"
     assert bench.after(STALE_S).standing == "pressed by ui"
     assert bench.sources.clear("ui", bench.now_s) != ""
     assert bench.after(0.01).standing == "pressed by ui (gone)"
@@ -255,7 +255,7 @@ def test_two_processes_of_one_name_are_two_sources() -> None:
     assert bench.standing == "pressed by ui, ui"
     assert bench.sources.presence(bench.now_s) == {"ui": Presence.THERE}
     assert bench.says("ui", False, pid=1).standing == "pressed by ui"
-    assert bench.sources.clear("ui", bench.now_s) == "ui is there and says that it is pressed: release it there"
+    assert bench.sources.clear("ui", bench.now_s) == "ui is running and reports that it is pressed: release it there"
     assert bench.says("ui", False, pid=2).standing == ""
 
 

@@ -105,7 +105,7 @@ def test_what_is_not_sent_here_or_only_on_demand_is_not_judged() -> None:
 def test_words() -> None:
     assert describe_topic(topics.ODOM, TopicFigures(50.0, 0.02)) == "50.0 Hz of 50, age 0.02 s"
     assert describe_topic(topics.PLAN, TopicFigures(math.nan, 9.0)) == "rate unknown, age 9.00 s"
-    assert describe_topic(topics.ODOM, None) == "no subscriber tells of it"
+    assert describe_topic(topics.ODOM, None) == "no subscriber reports it"
 
 
 def test_rows_of_what_runs_here() -> None:

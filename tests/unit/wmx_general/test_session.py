@@ -144,7 +144,7 @@ class TestDevice:
         assert "attempt 1 of 5: lock contention" in told[0]
         assert "attempt 2 of 5" in told[1]
         assert "lock contention" not in told[1]
-        assert "keeps trying" in told[4]
+        assert "retries" in told[4]
         assert rig.opened == 8
 
     def test_everything_is_answered_without_a_device(self, rig: Rig) -> None:

@@ -79,9 +79,7 @@ def test_a_twist_that_comes_too_old_changes_nothing(command: TwistCommand) -> No
 def test_motion_waits_for_rest(command: TwistCommand) -> None:
     command.receive(fields(0.5), 10.0)
     command.demand_rest(10.0)
-    assert command.requested(10.1) == Command(
-        0.0, 0.0, "waiting for the command to be zero or silent once", blocked=True
-    )
+    assert command.requested(10.1) == Command(0.0, 0.0, "waiting for a zero command or a command timeout", blocked=True)
     command.receive(fields(0.6), 10.2)
     assert command.requested(10.2).blocked
 

@@ -77,8 +77,8 @@ BEFORE = WheelReading(100.0, WheelPair(1.0, 1.0))
         (WheelReading(100.01, WheelPair(math.nan, 1.0)), "encoder reading is not finite"),
         (WheelReading(math.inf, WheelPair(1.0, 1.0)), "encoder reading is not finite"),
         (WheelReading(101.5, WheelPair(1.1, 1.1)), "no encoder reading for 1.50 s, at most 1.0 s"),
-        (WheelReading(99.0, WheelPair(1.1, 1.1)), "the engine began anew"),
-        (WheelReading(100.01, WheelPair(1.1, 1.1), generation=1), "the engine began anew"),
+        (WheelReading(99.0, WheelPair(1.1, 1.1)), "the engine restarted"),
+        (WheelReading(100.01, WheelPair(1.1, 1.1), generation=1), "the engine restarted"),
     ],
 )
 def test_what_cannot_be_believed_moves_nothing_and_says_why(reading: WheelReading, says: str) -> None:

@@ -423,7 +423,7 @@ def test_wheel_that_another_stopped_stops_the_other_too(story: Story) -> None:
     story.driving()
     story.tick(0.2)
     story.engine.rest(LEFT)
-    assert story.tick() == (Stage.FAULT, "left wheel was stopped by another")
+    assert story.tick() == (Stage.FAULT, "left wheel was stopped by another client")
     assert story.called("ExecQuickStop") == 1
     assert story.tick() == (Stage.READY, "ready")
 
@@ -442,7 +442,7 @@ def test_who_was_held_up_does_not_set_stopped_wheels_in_motion_again(story: Stor
     story.engine.time_s += 1.0
     story.engine.rest(LEFT, RIGHT)
     applied = story.session.follow(WheelPair(3.1, 4.1), story.now_s)
-    assert applied == (None, "held up between the engine's status and the command")
+    assert applied == (None, "delayed between the engine's status and the command")
     assert story.asked() == []
     assert story.tick()[0] is Stage.FAULT
 

@@ -356,7 +356,7 @@ def test_cycles_that_stand_still_are_no_status():
     snapshot = story.engine.read_status()[1]
     story.engine.read_status = lambda: (0, snapshot)  # type: ignore[method-assign]
     assert [story.tick() is not None for _ in range(5)] == [True, True, True, False, False]
-    assert story.bring_up.status_problem == "the engine's cycles stand still"
+    assert story.bring_up.status_problem == "the engine's cycles do not advance"
 
 
 # --- end

@@ -125,7 +125,7 @@ def test_what_more_points_could_not_tell_is_refused() -> None:
 
 def test_nothing_can_have_a_velocity_at_time_zero() -> None:
     moving = through((0.0, 0.0, 0.3, 0.0), (1.0, 1.0, 0.0, 0.0))
-    assert refusal(moving) == "points[0].velocities: shoulder at 0.3 rad/s at time 0, when it stands"
+    assert refusal(moving) == "points[0].velocities: shoulder at 0.3 rad/s at time 0, at standstill"
 
 
 def test_a_first_point_here_that_has_a_velocity_keeps_its_time() -> None:
@@ -165,8 +165,8 @@ def test_a_point_that_cannot_be_reached_in_time_is_left_out() -> None:
 
 def test_a_trajectory_that_cannot_be_caught_up_with_is_refused() -> None:
     text = refusal(PLAIN, 2.99)
-    assert text == "trajectory.header.stamp: 2.990 s ago, the trajectory cannot be caught up with any more"
-    assert "cannot be caught up" in refusal(PLAIN, 2.9999)
+    assert text == "trajectory.header.stamp: 2.990 s ago, it is too late to catch up with the trajectory"
+    assert "too late to catch up" in refusal(PLAIN, 2.9999)
     hasty = replace(NO_LIMITS, catch_up_acceleration_radps2=1e6)
     assert plan(PLAIN, 2.99, hasty).times_s[-1] == pytest.approx(0.01)
 

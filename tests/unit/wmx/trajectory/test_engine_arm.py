@@ -112,7 +112,7 @@ def test_the_buffer_is_created_once_with_room_for_the_present_position(bench: Be
 def test_a_trajectory_that_a_dead_server_left_is_stopped_before_anything_else(bench: Bench) -> None:
     """The engine continues the trajectory: only its end or a stop ends a spline."""
     bench.engine.snapshot.flags[Flag.OP_STATE, :2] = OperationState.Intpl
-    assert bench.poll() == "stopping a trajectory whose server is gone"
+    assert bench.poll() == "stopping a trajectory whose server has ended"
     assert len(bench.named("Stop")) == 1
     assert bench.named("CreateSplineBuffer") == []
     bench.engine.snapshot.flags[Flag.OP_STATE, :2] = OperationState.Stop

@@ -206,7 +206,7 @@ def test_a_motion_that_somebody_else_stops_is_no_success() -> None:
     run.arm.cut_at_s = 0.6
     result = run.to_end()
     assert (result.outcome, result.code) == (Outcome.ABORTED, ErrorCode.NoMotion)
-    assert "stopped by somebody else before the end: shoulder, elbow" in result.text
+    assert "stopped by another client before the end: shoulder, elbow" in result.text
     assert run.now_s == pytest.approx(0.6, abs=0.02)
 
 

@@ -102,7 +102,7 @@ def test_limits_are_off_by_zero_and_name_the_joint_else() -> None:
     assert plan(*way) is not None
     for limits, words in (
         (replace(NO_LIMITS, max_start_deviation_rad=0.05), "shoulder is 0.1000 rad away"),
-        (replace(NO_LIMITS, max_velocity_radps=(0.0, 2.9)), "elbow: velocity 3.000 rad/s on the way, at most 2.9"),
+        (replace(NO_LIMITS, max_velocity_radps=(0.0, 2.9)), "elbow: velocity 3.000 rad/s along the path, at most 2.9"),
         (replace(NO_LIMITS, max_acceleration_radps2=(0.0, 11.9)), "elbow: acceleration 12.000 rad/s^2"),
     ):
         with pytest.raises(GoalRefused) as caught:
