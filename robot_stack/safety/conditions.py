@@ -219,7 +219,7 @@ def disk_full(now: Snapshot, params: SafetyParams, active_action: SafetyAction) 
 
 def ehmi_link_lost(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """People around the robot do not see its intentions."""
-    return _lost(now.ehmi_silent_s, topics.EHMI_STATUS, "no acknowledge of the external display")
+    return _lost(now.ehmi_silent_s, topics.EHMI_STATUS, "no acknowledgement of the external display")
 
 
 def ui_link_lost(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:

@@ -213,7 +213,7 @@ def test_localization_loads_a_map_and_refuses_a_damaged_one(start: Start, tmp_pa
     (folder / "grid.pgm").write_bytes(b"P5\n1 1\n255\n0")
     damaged = start("ndt_localization", "-p", f"map:={folder}")
     assert damaged.wait() == 2
-    assert "grid.pgm is missing or is not the file" in damaged.output()
+    assert "grid.pgm is missing or differs from the file" in damaged.output()
 
 
 def test_markers_of_an_image_come_over_dds(start: Start, peer: Peer) -> None:

@@ -452,7 +452,7 @@ class TestEmergencyStop:
         done = running.command("estop")
         assert done.returncode == 0, done.stderr
         assert safety.active
-        assert "estop asked for" in running.log("supervisor")
+        assert "estop requested" in running.log("supervisor")
         assert ask("status")["safety"]["state"] == "EMERGENCY_STOP"
         done = running.command("reset")
         assert done.returncode == 0, done.stderr

@@ -267,7 +267,7 @@ def test_the_external_display_is_shown_as_it_has_confirmed(page: Any, robot: Sta
     robot.display = EHMIStatus(linked=True, acknowledged_state=EHMIStatus.NO_STATE)
     until(page, "document.querySelector('#display-link').textContent.includes('Waiting')")
     robot.peer.silence(topics.EHMI_STATUS)
-    until(page, "document.querySelector('#display-link').textContent.includes('Nobody reports')")
+    until(page, "document.querySelector('#display-link').textContent.includes('No report on')")
 
 
 def test_diagnostics_and_faults_say_what_to_do(page: Any, robot: StandInRobot) -> None:

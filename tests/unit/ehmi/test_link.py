@@ -167,7 +167,7 @@ def test_three_tries_200_ms_apart_then_the_link_is_lost(story):
     assert story.sent_s[1] - story.sent_s[0] == pytest.approx(0.2)
     assert story.sent_s[2] - story.sent_s[1] == pytest.approx(0.2)
     assert not story.linked
-    assert story.link.status.text == "no acknowledge of 'STATE 2' after 3 tries"
+    assert story.link.status.text == "no acknowledgement of 'STATE 2' after 3 tries"
     assert story.link.status.acknowledged_state == 1, "what it acknowledged last"
 
 
@@ -393,7 +393,7 @@ def test_a_silent_display_is_asked_by_ping_and_state_in_turn_then_the_port_is_op
     assert story.closes == 0
     story.wait(0.2)
     assert story.closes == 1
-    assert story.link.status.text == "the display has been silent for 3 s"
+    assert story.link.status.text == "no data from the display for 3 s"
     story.wait(0.3)
     assert story.opens == 2
 

@@ -301,7 +301,7 @@ def test_cpu_high(active_action: SafetyAction, percent: float, for_s: float, exp
 @pytest.mark.parametrize(
     ("code", "name", "detail"),
     [
-        ("EHMI_LINK_LOST", "ehmi_silent_s", "no acknowledge of the external display for"),
+        ("EHMI_LINK_LOST", "ehmi_silent_s", "no acknowledgement of the external display for"),
         ("UI_LINK_LOST", "ui_silent_s", "no page of the touch screen for"),
     ],
 )

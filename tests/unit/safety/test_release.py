@@ -17,7 +17,7 @@ from tests.unit.safety.story import GOOD_AXIS, PARAMS, ROBOT, TICK_S, Story, rep
 
 EMERGENCY, NORMAL = SafetyState.EMERGENCY_STOP, SafetyState.NORMAL
 STANDSTILL_RADPS = PARAMS.standstill_mps / ROBOT.wheel_radius_m
-NOT_STILL = "the robot does not stand still (every wheel below 0.05 m/s for 0.3 s, by fresh /joint_states)"
+NOT_STILL = "the robot is not at standstill (every wheel below 0.05 m/s for 0.3 s, by fresh /joint_states)"
 STILL_TRUE = "ESTOP_PRESSED: pressed by touch_ui"
 
 
@@ -83,7 +83,7 @@ def test_a_retained_false_of_another_does_not_hide_a_retained_true_from_a_restar
 def test_a_source_that_died_pressed_stays_pressed_until_cleared_by_name() -> None:
     story = Story().healthy().estop(True)
     assert story.monitor.pressed_by(story.now_s) == {"touch_ui": Presence.THERE}
-    assert story.clear("touch_ui").message.startswith("refused: touch_ui is there")
+    assert story.clear("touch_ui").message.startswith("refused: touch_ui is running")
     story.reporting.discard("touch_ui")
     story.run(5.0).estop(False, None).run(1.0)
     assert story.reset() == ResetAnswer(False, f"refused: {STILL_TRUE} (gone)")
@@ -101,9 +101,9 @@ def test_a_button_whose_process_is_dead_is_an_emergency_until_it_is_back() -> No
     story.reporting.discard("emergency_stop_button")
     story.run(PARAMS.stop_sources.button_silence_s - 0.02).expect(NORMAL, ())
     story.run(0.04).expect(EMERGENCY, ("ESTOP_PRESSED",))
-    assert story.monitor.details["ESTOP_PRESSED"].startswith("emergency_stop_button has been silent for 0.4")
+    assert story.monitor.details["ESTOP_PRESSED"].startswith("no message from emergency_stop_button for 0.4")
     story.estop(True).estop(False).run(1.0)
-    assert "emergency_stop_button has been silent" in story.reset().message
+    assert "no message from emergency_stop_button" in story.reset().message
     story.reporting.add("emergency_stop_button")
     story.run(0.5)
     assert story.reset().success
