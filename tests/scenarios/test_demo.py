@@ -157,7 +157,7 @@ def test_mission_that_cannot_be_driven_is_refused(demo: Demo, tmp_path: Path) ->
         (("--world", "nowhere"), "no world 'nowhere'"),
     ],
 )
-def test_wrong_names_are_told(demo: Demo, arguments: tuple[str, ...], message: str) -> None:
+def test_wrong_names_are_reported(demo: Demo, arguments: tuple[str, ...], message: str) -> None:
     process = demo(*arguments)
     assert process.wait(200.0) == 1
     assert message in process.output()

@@ -66,7 +66,7 @@ def test_a_marker_covered_and_a_chair_moved_end_in_a_docking() -> None:
         assert yaw_rad < math.radians(0.1)
 
 
-def test_a_controller_that_dies_with_a_wheelchair_comes_back_holding_it() -> None:
+def test_killed_controller_keeps_the_wheelchair_after_restart() -> None:
     with staged_before_chair(START) as stage:
         stage.be_docked()
         stage.kill("docking_controller")

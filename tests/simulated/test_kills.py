@@ -37,7 +37,7 @@ def test_the_world_and_its_engine_are_killed() -> None:
         stage.drive_at(0.3)
 
 
-def test_a_killed_button_comes_back_and_stops_the_robot() -> None:
+def test_killed_button_process_restarts_and_stops_the_robot() -> None:
     """It may restart within the second that NODE_DEAD takes, so a press must not be missed."""
     with staged() as stage:
         stage.drive_at(0.6)

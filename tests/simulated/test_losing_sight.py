@@ -58,7 +58,7 @@ def test_losing_sight_is_a_hard_stop(lose_sight: Callable[[Stage], None], after_
         stage.let_go()
 
 
-def test_a_lost_half_sweep_slows_nothing() -> None:
+def test_lost_half_sweep_does_not_slow_the_robot() -> None:
     with staged() as stage:
         _ride_at_1_mps(stage)
         begun_s = stage.now_s

@@ -69,7 +69,7 @@ def test_a_robot_stopped_on_the_ramp_of_the_yard_is_driven_off_by_hand_up_and_do
         stage.wait_safety("NORMAL")
 
 
-def test_a_mission_stopped_on_a_ramp_goes_on_when_it_is_resumed(tmp_path: Path) -> None:
+def test_mission_stopped_on_a_ramp_continues_after_resume(tmp_path: Path) -> None:
     with own_config(tmp_path, over_the_ramp=MISSION), staged("ramps", start=BEFORE_RAMP) as stage:
         stage.command("START_MISSION", "over_the_ramp")
         stage.wait_mission("RUNNING")
@@ -106,7 +106,7 @@ def test_above_the_limit_the_robot_stops_and_may_only_go_downhill() -> None:
         stage.wait_stands()
 
 
-def test_navigation_comes_down_again_by_itself() -> None:
+def test_navigation_drives_down_again_without_help() -> None:
     with staged("steep_ramp", start=IDENTITY) as stage:
         start_m = stage.at().x
         stage.drive(0.5)

@@ -51,7 +51,7 @@ def test_a_command_that_has_gaps_starts_no_motion_after_a_release(period_s: floa
         assert "must ask for standstill first" in stage.log("swerve_controller")
 
 
-def test_the_button_holds_the_robot_whatever_others_publish() -> None:
+def test_button_holds_the_robot_against_other_publishers() -> None:
     with staged() as stage:
         stage.drive_at(0.8)
         stage.inject("estop_button", value=1.0)
@@ -222,7 +222,7 @@ def test_noise_of_the_imu_and_slippery_ground_end_no_ride() -> None:
         stage.wait_stands()
 
 
-def test_commands_that_are_no_commands_move_nothing() -> None:
+def test_invalid_commands_cause_no_motion() -> None:
     with staged() as stage:
         for bad in (float("nan"), float("inf"), -float("inf")):
             stage.drive(bad)

@@ -26,7 +26,7 @@ def test_a_critical_process_is_killed_and_the_robot_stands(stack: StackUnderTest
     stack.drive_at(0.3)
 
 
-def test_a_button_whose_process_hangs_is_an_emergency(stack: StackUnderTest) -> None:
+def test_hanging_button_process_is_an_emergency(stack: StackUnderTest) -> None:
     """A missed press is a hazard, so a comfort stop is not enough."""
     stack.drive_at(0.6)
     stack.inject("process_hang", "emergency_stop_button")

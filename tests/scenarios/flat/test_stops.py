@@ -18,7 +18,7 @@ pytestmark = pytest.mark.timeout(900)
 
 
 @needs_rights
-def test_the_chain_that_stops_the_wheels_goes_before_everybody(stack: StackUnderTest) -> None:
+def test_stop_chain_has_the_highest_priority(stack: StackUnderTest) -> None:
     def priority(name: str) -> int:
         return os.sched_getparam(stack.process(name)["pid"]).sched_priority
 

@@ -142,7 +142,7 @@ def test_a_dead_camera_costs_neither_rate_nor_the_other_cameras_markers(cameras:
     assert {(len(ids(message)), time_to_s(message.header.stamp)) for message in empty} == {(0, 0.0)}
 
 
-def test_what_is_wrong_with_an_image_is_said(cameras: Cameras) -> None:
+def test_problem_of_an_image_is_reported(cameras: Cameras) -> None:
     make = cameras.image
 
     def coloured(camera: str, stamp_s: float) -> Image:
@@ -180,7 +180,7 @@ def test_a_frozen_image_is_not_taken_for_a_new_one(cameras: Cameras) -> None:
     assert [ids(message) for message in arrays] == [REAR] * len(arrays)
 
 
-def test_detects_only_while_docking_is_on_its_way(bench: Bench) -> None:
+def test_detects_only_during_docking(bench: Bench) -> None:
     status = DockingStatus(state="IDLE")
     cameras = Cameras(bench)
     bench.repeat(topics.DOCKING_STATUS, lambda: status, 10.0)

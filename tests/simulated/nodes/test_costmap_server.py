@@ -120,7 +120,7 @@ WRONG: dict[str, Callable[[World], None]] = {
 }
 
 
-def test_it_publishes_nothing_without_a_good_input_and_says_why(world: World) -> None:
+def test_no_output_without_valid_input_and_the_reason_is_reported(world: World) -> None:
     for reason, spoil in WRONG.items():
         begun_s = world.bench.now_s
         world.bench.run(1.0)

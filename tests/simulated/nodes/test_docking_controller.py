@@ -65,7 +65,7 @@ def scene(bench: Bench) -> Scene:
     return Scene(bench)
 
 
-def test_wrong_wishes_are_answered_with_a_reason_and_move_nothing(scene: Scene) -> None:
+def test_invalid_goals_are_refused_with_a_reason_without_motion(scene: Scene) -> None:
     assert scene.passenger.last.data is False
     unknown = scene.dock("nowhere").wait()
     assert (unknown.success, unknown.error_code) == (False, Dock.Result.UNKNOWN_DOCK)
@@ -94,7 +94,7 @@ def test_docking_sends_the_staging_pose_and_ends_on_an_emergency_stop(scene: Sce
     assert {message.state for message in scene.status.since(stopped_s)} <= {"APPROACH", "FAILED"}
 
 
-def test_the_status_comes_at_its_rate_and_the_process_leaves_in_order(scene: Scene) -> None:
+def test_status_has_its_rate_and_the_process_shuts_down_cleanly(scene: Scene) -> None:
     scene.bench.run(3.0)
     assert scene.status.period_s() == pytest.approx(0.1, abs=1e-6)
     assert scene.command.items == []

@@ -89,7 +89,7 @@ def test_every_state_is_acknowledged(world):
     world.status_is(True, Display.DOCKING_FAILED)
 
 
-def test_status_comes_once_a_second_also_without_a_display(empty):
+def test_status_is_published_at_1_hz_without_a_display(empty):
     empty.launch_bridge()
     status = empty.status_is(False, EHMIStatus.NO_STATE, "")
     assert not status.linked
@@ -97,7 +97,7 @@ def test_status_comes_once_a_second_also_without_a_display(empty):
     assert empty.status.period_s(3) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_nonsense_on_the_topic_changes_nothing(world):
+def test_invalid_commands_on_the_topic_are_ignored(world):
     world.ask(11)
     world.ask(29)
     world.ask(Display.IDLE, "de")
@@ -113,7 +113,7 @@ def test_nonsense_on_the_topic_changes_nothing(world):
 # --- states from other topics -----------------------------------------------------------------------------------------
 
 
-def test_an_emergency_stop_wins_over_whatever_is_asked(world):
+def test_emergency_stop_has_priority_over_commands(world):
     world.bench.publish(topics.EMERGENCY_STOP, Bool(data=True))
     world.shows(Display.EMERGENCY_STOP)
     world.safety_says("EMERGENCY_STOP")
@@ -128,7 +128,7 @@ def test_an_emergency_stop_wins_over_whatever_is_asked(world):
     world.shows(Display.TRANSPORT)
 
 
-def test_an_emergency_that_only_the_safety_monitor_knows_is_shown_too(world):
+def test_emergency_of_the_safety_monitor_alone_is_shown(world):
     world.safety_says("EMERGENCY_STOP")
     world.shows(Display.EMERGENCY_STOP)
 
@@ -160,7 +160,7 @@ def test_a_false_on_passenger_attached_does_not_hide_a_passenger_on_the_latch(wo
     world.shows(Display.PASSENGER_ONBOARD, 0.1)
 
 
-def test_while_nobody_asks_mission_and_docking_tell(empty):
+def test_without_command_mission_and_docking_define_the_state(empty):
     bench = empty.bench
     bench.publish(topics.MISSION_STATUS, MissionStatus(state="RUNNING"))
     empty.launch_display().launch_bridge()
@@ -184,14 +184,14 @@ def test_a_pulled_cable_and_back(world):
     world.status_is(True, Display.DOCKING)
 
 
-def test_a_display_that_starts_anew_is_told_again(world):
+def test_restarted_display_receives_the_state_again(world):
     world.inject("power")
     world.shows(Display.OFF)
     world.shows(Display.NAVIGATING)
     world.status_is(True, Display.NAVIGATING)
 
 
-def test_a_stop_pressed_while_the_cable_is_out_is_the_first_thing_shown_after(world):
+def test_stop_pressed_without_cable_is_shown_first_afterwards(world):
     world.inject("cable")
     world.status_is(False)
     world.shows(Display.ERROR)
@@ -204,14 +204,14 @@ def test_a_stop_pressed_while_the_cable_is_out_is_the_first_thing_shown_after(wo
 
 
 @pytest.mark.parametrize(("kind", "value"), [("silent", 0.0), ("half_lines", 0.0), ("noise", 0.5), ("late", 5.0)])
-def test_a_display_that_does_not_answer_properly_is_no_link_and_comes_back(world, kind, value):
+def test_invalid_answers_lose_the_link_until_they_are_valid(world, kind, value):
     world.inject(kind, value=value)
     world.status_is(False)
     world.clear()
     world.status_is(True, Display.NAVIGATING)
 
 
-def test_garbage_and_a_noisy_cable_lose_nothing(world):
+def test_garbage_and_a_noisy_cable_lose_no_state(world):
     world.inject("garbage")
     world.inject("noise", value=0.02)
     for state in (Display.OBSTACLE, Display.PAUSED, Display.TRANSPORT, Display.DOCKING, Display.IDLE):
@@ -219,7 +219,7 @@ def test_garbage_and_a_noisy_cable_lose_nothing(world):
         world.shows(state)
 
 
-def test_a_fault_of_the_display_is_told_and_over(world):
+def test_fault_of_the_display_is_reported_and_cleared(world):
     world.inject("fault_code", target="LED_DRIVER")
     world.status_is(True, None, "LED_DRIVER")
     world.clear()
@@ -233,7 +233,7 @@ def test_unknown_faults_are_refused(world):
         assert answer.message
 
 
-def test_a_display_that_comes_later_than_the_bridge_and_dies_and_comes_back(empty):
+def test_late_and_restarted_display_is_connected(empty):
     empty.launch_bridge()
     empty.ask(Display.CHARGING)
     empty.status_is(False)

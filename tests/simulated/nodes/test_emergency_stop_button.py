@@ -56,7 +56,7 @@ def test_press_and_release(bench: Bench) -> None:
     button.wait_values([True, False])
 
 
-def test_the_button_says_who_it_is_five_times_a_second(bench: Bench) -> None:
+def test_button_reports_its_source_at_5_hz(bench: Bench) -> None:
     bench.engine.run().up()
     button = Button(bench).wait_health("")
     assert {(message.name, message.pressed, message.presses) for message in button.sources.messages} == {
@@ -101,7 +101,7 @@ def test_an_engine_that_is_not_there_yet_is_no_press(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("how", ["engine killed", "bus lost"])
-def test_an_engine_that_goes_away_is_a_press_until_it_is_back(bench: Bench, how: str) -> None:
+def test_lost_engine_is_a_press_until_it_returns(bench: Bench, how: str) -> None:
     bench.engine.run().up()
     button = Button(bench).wait_settled()
     if how == "engine killed":

@@ -81,7 +81,7 @@ def test_the_wheelchair_is_fetched_carried_and_put_down(world):
     assert {message.state_num for message in world.display.messages} >= {21, 22, 23, 26, 27, 1}
 
 
-def test_a_failure_ends_the_mission_with_its_code_and_words(world):
+def test_failure_ends_the_mission_with_its_code_and_reason(world):
     docking = world.serve()
     docking.error = (Dock.Result.MARKERS_NOT_FOUND, "no marker in sight")
     world.launch()
@@ -99,7 +99,7 @@ def test_a_rejected_goal_ends_the_mission(world):
     assert world.state("FAILED").reason == "docking to chair_1 failed: the goal was rejected"
 
 
-def test_a_goal_whose_answer_is_lost_is_followed_by_what_it_tells(world):
+def test_goal_with_a_lost_answer_is_tracked_by_its_status(world):
     docking = world.serve()
     docking.loses_answers, docking.step_s = True, 1.0
     world.launch()
@@ -129,7 +129,7 @@ def test_after_a_goal_that_was_lost_the_next_one_is_sent(world):
     assert docking.goals == [("dock", "chair_1")]
 
 
-def test_nobody_there(world):
+def test_docking_without_a_server(world):
     world.launch(docking_wait_s=1.5)
     world.begin()
     world.reason("docking to chair_1: waiting for docking_controller")
@@ -228,7 +228,7 @@ def test_a_docking_controller_that_is_killed_and_back_at_once_does_not_know_the_
     assert docking.goals == [("dock", "chair_1")]
 
 
-def test_a_mission_manager_killed_while_docking_comes_back_paused_and_cancels_what_goes_on(world):
+def test_mission_manager_killed_while_docking_restarts_paused_and_cancels_the_goal(world):
     docking = world.serve()
     docking.hangs = True
     world.launch()

@@ -153,7 +153,7 @@ def test_a_mission_made_on_this_robot_is_driven_at_once(world):
     assert status.mission_id == "made_here"
 
 
-def test_the_display_is_told_who_drives_that_it_charges_and_that_it_is_over(world):
+def test_display_shows_manual_driving_charging_and_their_end(world):
     world.launch()
     shows(world, Display.IDLE)
     world.supply = BatteryState.POWER_SUPPLY_STATUS_CHARGING
@@ -168,7 +168,7 @@ def test_the_display_is_told_who_drives_that_it_charges_and_that_it_is_over(worl
     shows(world, Display.OFF)
 
 
-def test_the_display_is_dark_before_anything_is_known(world):
+def test_display_is_dark_before_the_first_status(world):
     world.bench.silence(topics.CURRENT_POSE)
     world.launch()
     shows(world, Display.OFF)
@@ -226,7 +226,7 @@ def test_a_low_battery_refuses(world):
     assert world.goals.items == []
 
 
-def test_the_robots_summary_tells_the_charge_where_the_battery_is_silent(world):
+def test_charge_is_taken_from_the_robot_status_without_battery_state(world):
     world.bench.silence(topics.BATTERY_STATE)
     world.bench.repeat(topics.ROBOT_STATUS, lambda: RobotStatus(battery_percent=20.0), 10.0)
     world.launch()
@@ -236,7 +236,7 @@ def test_the_robots_summary_tells_the_charge_where_the_battery_is_silent(world):
     assert world.command("START_MISSION", "ride").last_command_accepted, "the charge is unknown"
 
 
-def test_the_emergency_stop_command_and_the_way_back(world):
+def test_emergency_stop_command_and_its_release(world):
     world.launch()
     sources = world.bench.listen(topics.EMERGENCY_STOP_SOURCES)
     world.command("START_MISSION", "ride")
@@ -270,7 +270,7 @@ def test_a_pressed_button_stops_the_mission(world):
     world.no_goal()
 
 
-def test_a_stale_pose_is_told(world):
+def test_stale_pose_is_reported(world):
     world.launch()
     world.command("START_MISSION", "ride")
     world.bench.silence(topics.CURRENT_POSE)
@@ -302,7 +302,7 @@ def plan_to(goal: PoseStamped) -> PlannedPath:
     return path
 
 
-def test_sigkill_mid_mission_comes_back_paused_with_the_passenger(world):
+def test_sigkill_during_a_mission_restores_it_paused_with_the_passenger(world):
     world.launch()
     world.bench.publish(topics.PASSENGER_ATTACHED, Bool(data=True))
     world.status.wait(lambda s: s.passenger_attached, "the passenger")
@@ -344,7 +344,7 @@ def test_its_end_leaves_the_robot_without_a_goal(world):
     assert SqliteJournal(world.journal).load().state is State.RUNNING
 
 
-def test_a_damaged_journal_is_told_and_moved_aside(world):
+def test_damaged_journal_is_reported_and_moved_aside(world):
     world.journal.parent.mkdir()
     world.journal.write_bytes(os.urandom(8192))
     world.launch()
@@ -364,7 +364,7 @@ def test_a_journal_that_cannot_be_written_refuses_to_start(world):
 
 
 @pytest.mark.parametrize("full", [True, False], ids=["full", "broken"])
-def test_a_disk_that_takes_nothing_on_the_way_pauses_the_ride(world, full):
+def test_failing_disk_during_a_ride_pauses_it(world, full):
     disk = world.bench.devices.disk
     world.launch()
     world.command("START_MISSION", "ride")

@@ -65,7 +65,7 @@ def test_a_ride_ends_at_its_last_waypoint(yard: Yard) -> None:
     assert shares == sorted(shares)
 
 
-def test_pause_stands_and_resume_goes_on(yard: Yard) -> None:
+def test_pause_stops_and_resume_continues(yard: Yard) -> None:
     yard.begin()
     yard.command("PAUSE")
     yard.wait_standstill()
@@ -76,7 +76,7 @@ def test_pause_stands_and_resume_goes_on(yard: Yard) -> None:
     yard.completes()
 
 
-def test_a_killed_navigation_controller_is_told_the_goal_again(yard: Yard) -> None:
+def test_killed_navigation_controller_receives_the_goal_again(yard: Yard) -> None:
     yard.begin()
     yard.navigation.kill()
     yard.robot.twist = ZERO_TWIST  # the drive stops without commands
@@ -84,7 +84,7 @@ def test_a_killed_navigation_controller_is_told_the_goal_again(yard: Yard) -> No
     yard.completes()
 
 
-def test_a_killed_mission_manager_comes_back_paused_and_the_robot_stands(yard: Yard) -> None:
+def test_killed_mission_manager_restarts_paused_at_standstill(yard: Yard) -> None:
     yard.begin()
     yard.status.wait(lambda status: status.current_waypoint == "stop", "the second waypoint")
     yard.manager.kill()

@@ -113,7 +113,7 @@ def test_emergency_stop_zeroes_and_only_a_goal_after_the_clean_status_moves_the_
     assert twist_from_msg(first).speed() < 0.1
 
 
-def test_silent_pose_stops_and_its_return_goes_on_from_rest(scene: Scene) -> None:
+def test_missing_pose_stops_and_a_fresh_one_resumes_from_rest(scene: Scene) -> None:
     scene.go_at(0.5)
     silent_s = scene.bench.now_s
     scene.bench.silence(topics.CURRENT_POSE)
@@ -217,7 +217,7 @@ def costmap(cells: Any, stamp_s: float, origin_m: float) -> OccupancyGrid:
     return message
 
 
-def test_who_walks_is_shown_while_somebody_looks(bench: Bench) -> None:
+def test_pedestrians_are_published_while_subscribed(bench: Bench) -> None:
     bench.start("navigation_controller", WITHOUT_MAP)
     people = bench.listen(topics.NAVIGATION_PEOPLE)
     bench.run(0.2)

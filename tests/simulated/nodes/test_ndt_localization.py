@@ -103,7 +103,7 @@ def test_pose_quality_and_transform_come_at_their_rate(scene: Scene) -> None:
     assert transform.transform.translation.x == pytest.approx(2.0, abs=1e-3)
 
 
-def test_pose_comes_with_a_covariance_that_grows_with_the_way(scene: Scene) -> None:
+def test_pose_covariance_grows_with_driven_distance(scene: Scene) -> None:
     poses = scene.bench.listen(topics.LOCALIZATION_POSE)
     scene.roll()
     scene.turn()

@@ -184,7 +184,7 @@ def test_silence_is_silence(scene: Scene) -> None:
     scene.goes_on()
 
 
-def test_a_frozen_a_covered_and_a_blind_sensor_say_so_and_nothing_else(scene: Scene) -> None:
+def test_frozen_covered_and_blind_sensors_are_reported_as_such(scene: Scene) -> None:
     scene.see()
     scene.goes_on()
     scene.frozen = True
@@ -212,7 +212,7 @@ def test_sweeps_that_cannot_be_are_refused(scene: Scene) -> None:
     scene.is_silent("bytes are not")
 
 
-def test_without_odometry_nothing_is_published(scene: Scene) -> None:
+def test_no_output_without_odometry(scene: Scene) -> None:
     scene.see()
     scene.goes_on()
     scene.bench.silence(topics.ODOM)

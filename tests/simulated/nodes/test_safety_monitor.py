@@ -171,7 +171,7 @@ def test_a_stop_shows_at_once_and_limits_to_zero(scene: Scene) -> None:
         scene.release()
 
 
-def test_the_hardware_stop_is_told_apart_from_a_latched_one(scene: Scene) -> None:
+def test_hardware_stop_is_distinguished_from_a_latched_one(scene: Scene) -> None:
     scene.normal()
     scene.source.publish(True)
     assert not scene.wait_state("EMERGENCY_STOP", "ESTOP_PRESSED").emergency_stop_active
@@ -333,7 +333,7 @@ def test_a_press_without_a_report_is_cleared_by_name(scene: Scene) -> None:
     scene.release()
 
 
-def test_a_false_of_another_source_and_a_silent_author_release_nothing(scene: Scene) -> None:
+def test_false_of_another_source_and_a_silent_source_do_not_release(scene: Scene) -> None:
     scene.normal()
     panel = scene.bench.source("panel")
     panel.publish(True)
@@ -372,7 +372,7 @@ def test_a_normal_end_leaves_no_latch_and_stops_the_drive(scene: Scene) -> None:
     assert [decode(path.read_bytes()).memory for path in latch_copies()] == [Memory(), Memory()]
 
 
-def test_a_drive_that_never_comes_up_is_never_normal(bench: Bench) -> None:
+def test_drive_that_never_starts_is_never_normal(bench: Bench) -> None:
     scene = Scene(bench, startup_grace_s=4.0)
     begun_s = bench.now_s
     scene.wait_state("DEGRADED", "DRIVE_FAULT")

@@ -304,7 +304,7 @@ def test_a_hard_stop_does_not_wait_for_the_tick(world: World, after_s: float) ->
     assert first_mps == pytest.approx(0.9 - 2.0 * TICK_S)
 
 
-def test_hard_stops_that_are_asked_for_again_and_again_are_no_harder(world: World) -> None:
+def test_repeated_hard_stops_keep_the_deceleration(world: World) -> None:
     world.drive(0.9)
     asked_s = world.bench.now_s
     world.bench.repeat(topics.VELOCITY_LIMIT, lambda: limit(0.0, 0.0, "SIGHT_STALE"), 200.0)
@@ -364,7 +364,7 @@ def test_huge_command_is_clamped(world: World) -> None:
 # --- sources ---------------------------------------------------------------------------------------------------------
 
 
-def test_teleop_goes_before_docking_before_navigation(world: World) -> None:
+def test_teleop_has_priority_over_docking_over_navigation(world: World) -> None:
     def teleop() -> Any:
         return stamped(Twist2(-0.2, 0.0, 0.0), world.bench.stamp_s())
 
@@ -401,7 +401,7 @@ def test_odometry_is_reset_only_at_rest(world: World) -> None:
     assert world.odom.last.pose.pose.position.x == pytest.approx(0.0, abs=1e-9)
 
 
-def test_no_wheel_command_before_the_modules_are_known(bench: Bench) -> None:
+def test_no_wheel_command_before_joint_states(bench: Bench) -> None:
     commands, limited = bench.listen(topics.WHEEL_COMMANDS), bench.listen(topics.CMD_VEL_LIMITED)
     bench.start("swerve_controller")
     bench.run(2.0)

@@ -129,7 +129,7 @@ def test_joint_states_of_all_axes_at_their_rate(rig: Rig) -> None:
     assert 0.0 <= rig.bench.stamp_s() - stamps[-1] <= TICK_S + BLOCK_S + COMPUTE_S + LATENCY_S + 1e-6
 
 
-def test_engine_that_comes_late_is_waited_for(rig: Rig) -> None:
+def test_node_waits_for_a_late_engine(rig: Rig) -> None:
     rig.safety(WELL)
     rig.start_node()
     rig.bench.run(3.0)
@@ -257,7 +257,7 @@ def test_wheels_stand_until_both_keys_and_a_fresh_command(rig: Rig) -> None:
     rig.drive(0.3)
 
 
-def test_emergency_stop_without_an_engine_holds_when_it_comes(rig: Rig) -> None:
+def test_emergency_stop_before_the_engine_holds_after_its_start(rig: Rig) -> None:
     rig.safety(WELL)
     rig.start_node()
     rig.press()
@@ -286,7 +286,7 @@ def test_alarm_of_one_drive_stops_all_until_an_emergency_stop_is_released(rig: R
     rig.wait_speed(0.5)
 
 
-def test_lost_bus_silences_the_joint_states_and_comes_back_through_a_release(rig: Rig) -> None:
+def test_lost_bus_stops_joint_states_until_a_release(rig: Rig) -> None:
     rig.ready().drive(0.4)
     rig.engine.drives.connected = False
     rig.wait_status(lambda s: not s.communicating, "the loss of the bus")

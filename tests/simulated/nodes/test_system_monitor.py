@@ -67,7 +67,7 @@ def values_of(entry: DiagnosticStatus) -> dict[str, str]:
     return {item.key: item.value for item in entry.values}
 
 
-def test_every_field_comes_from_its_source_and_is_unknown_without_it(bench: Bench) -> None:
+def test_every_field_has_its_source_and_is_unknown_without_it(bench: Bench) -> None:
     scene = Scene(bench)
     first = scene.status.messages[0]
     numbers = (first.battery_voltage, first.battery_percent, first.battery_current, first.localization_quality)
@@ -103,7 +103,7 @@ def test_its_rates(bench: Bench) -> None:
     assert scene.tree.period_s(3) == pytest.approx(1.0, abs=1e-6)
 
 
-def test_a_mission_whose_manager_is_gone_is_unknown(bench: Bench) -> None:
+def test_mission_without_its_manager_is_unknown(bench: Bench) -> None:
     scene = Scene(bench)
     manager = bench.peer("mission_manager")
     manager.publish(topics.MISSION_STATUS, RIDE)

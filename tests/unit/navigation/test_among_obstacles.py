@@ -114,7 +114,7 @@ def corridor() -> Grid:
     return Grid(0.1, 0.0, 0.0, cells)
 
 
-def test_free_way_is_driven_as_exactly_as_without_eyes() -> None:
+def test_free_path_is_tracked_as_without_costmap() -> None:
     story = Story(nothing, corridor())
     assert story.go(Pose2(8.0, 5.0, 0.0)) == ""
     story.until(reached)
@@ -159,7 +159,7 @@ def test_narrow_gate_is_passed_slowly_in_its_middle() -> None:
     assert min(story.clearances) > 0.1
 
 
-def test_blocked_way_is_planned_anew() -> None:
+def test_blocked_path_is_replanned() -> None:
     """The left gate closes when the robot is near; another one is open."""
     cells = corridor().occupancy.copy()
     cells[:, 80] = OCCUPIED
@@ -198,7 +198,7 @@ def test_only_way_blocked_waits_then_gives_up_with_the_reason() -> None:
     assert min(story.clearances) > 0.15
 
 
-def test_person_who_crosses_is_let_pass() -> None:
+def test_robot_yields_to_crossing_pedestrian() -> None:
     def person(now_s: float, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
         return np.hypot(x - 8.0, y - (1.0 + 0.8 * (now_s - 10.0))) < 0.25
 
@@ -211,7 +211,7 @@ def test_person_who_crosses_is_let_pass() -> None:
 
 
 @pytest.mark.parametrize("chair", [False, True])
-def test_person_who_comes_and_stops_in_front_is_not_driven_at(chair: bool) -> None:
+def test_robot_keeps_clear_of_pedestrian_stopping_in_front(chair: bool) -> None:
     def paint(now_s: float, x: Array, y: Array) -> npt.NDArray[np.bool_]:
         return np.hypot(x - max(12.5 - 1.2 * (now_s - 10.0), 8.0), y - 5.0) < 0.25
 
@@ -274,7 +274,7 @@ def test_passenger_limits_are_kept() -> None:
         assert change <= motion.max_acceleration_mps2 * 0.05 + 0.02
 
 
-def test_stale_costmap_stops_at_once_and_its_return_goes_on() -> None:
+def test_stale_costmap_stops_at_once_and_a_fresh_one_resumes() -> None:
     story = Story(box(6.5, 7.5, 4.3, 5.7), corridor())
     story.go(Pose2(12.0, 5.0, 0.0))
     story.until(lambda output: output.twist.speed() > 0.3)
@@ -336,7 +336,7 @@ def test_same_seed_same_commands() -> None:
     assert twists[0] == twists[1]
 
 
-def test_tracker_finds_speed_and_forgets() -> None:
+def test_tracker_estimates_speed_and_drops_tracks() -> None:
     tracker = PeopleTracker(params().people)
     known = np.zeros((100, 100), np.bool_)
     ys, xs = np.mgrid[0:100, 0:100]
@@ -352,7 +352,7 @@ def test_tracker_finds_speed_and_forgets() -> None:
     assert tracker.people == ()
 
 
-def test_tracker_leaves_out_what_the_map_knows_and_what_is_too_big() -> None:
+def test_tracker_ignores_mapped_and_large_objects() -> None:
     tracker = PeopleTracker(params().people)
     heap = np.zeros((100, 100), np.bool_)
     heap[10:16, 10:16] = True
@@ -363,7 +363,7 @@ def test_tracker_leaves_out_what_the_map_knows_and_what_is_too_big() -> None:
     assert tracker.people == ()
 
 
-def test_ramp_takes_what_is_not_finite_as_zero() -> None:
+def test_ramp_treats_non_finite_values_as_zero() -> None:
     limits = MotionLimits(1.0, 1.0, 0.7, 0.7, 1.4, 1.4)
     ramp = VelocitySmoother()
     ramp.reset(Twist2(0.5, 0.0, 0.0))

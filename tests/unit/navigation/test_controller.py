@@ -30,7 +30,7 @@ def test_without_a_goal_it_stands() -> None:
     assert output.state is NavigationState.IDLE
 
 
-def test_reaches_the_goal_and_says_so_once() -> None:
+def test_reached_goal_is_reported_once() -> None:
     story = ride()
     assert story.go(GOAL) == ""
     assert story.controller.path is not None
@@ -78,7 +78,7 @@ def test_new_goal_while_driving_is_taken_over_without_a_jump() -> None:
     assert sum(output.reached for output in story.outputs) == 1
 
 
-def test_repeated_goal_changes_nothing() -> None:
+def test_repeated_goal_is_ignored() -> None:
     story = ride()
     story.go(GOAL)
     story.run(2.0)
@@ -88,7 +88,7 @@ def test_repeated_goal_changes_nothing() -> None:
     assert story.controller.state is NavigationState.DRIVING
 
 
-def test_cancel_brakes_and_forgets_the_goal() -> None:
+def test_cancel_brakes_and_drops_the_goal() -> None:
     story = ride()
     story.go(Pose2(20.0, 0.0, 0.0))
     story.run(4.0)
@@ -188,7 +188,7 @@ def test_unknown_pose_holds_and_names_the_reason() -> None:
     story.until_reached()
 
 
-def test_far_goal_taken_blindly_is_refused_once_the_pose_is_known() -> None:
+def test_distant_goal_is_refused_once_the_pose_is_available() -> None:
     story = ride()
     story.pose_known = False
     story.go(Pose2(900.0, 0.0, 0.0))
@@ -244,7 +244,7 @@ def test_passenger_lowers_the_limits() -> None:
     assert max(story.errors_m) < 0.06
 
 
-def test_robot_pushed_off_its_way_plans_afresh() -> None:
+def test_robot_displaced_from_its_path_replans() -> None:
     story = ride()
     story.go(Pose2(8.0, 0.0, 0.0))
     story.run(3.0)
@@ -291,7 +291,7 @@ def test_a_robot_that_does_not_begin_is_pushed_after_a_while() -> None:
     assert story.outputs[-1].twist.vx > 0.1
 
 
-def test_clock_that_jumps_moves_nothing_by_itself() -> None:
+def test_clock_jump_causes_no_motion() -> None:
     story = ride()
     story.go(Pose2(8.0, 0.0, 0.0))
     story.run(2.0)
@@ -355,7 +355,7 @@ events = st.sampled_from(
 
 @given(st.lists(st.tuples(events, poses), max_size=15))
 @settings(max_examples=40, deadline=None)
-def test_whatever_happens_commands_stay_finite_and_forbidden_means_zero(steps: list[tuple[str, Pose2]]) -> None:
+def test_commands_stay_finite_and_are_zero_if_motion_is_forbidden(steps: list[tuple[str, Pose2]]) -> None:
     story = ride()
     passenger = False
     for event, pose in steps:

@@ -124,7 +124,7 @@ def test_unknown_is_dear_or_closed() -> None:
     assert isinstance(planner(cells, unknown_is_passable=False).plan(START, GOAL, ROBOT.footprint), NoWay)
 
 
-def test_what_was_seen_counts_until_it_is_seen_no_more() -> None:
+def test_seen_obstacle_counts_until_it_is_cleared() -> None:
     plan = planner(grid())
     ys = np.arange(3.0, 7.0, 0.05)
     plan.grid.lay_over(np.column_stack((np.full(len(ys), 7.5), ys)))
@@ -150,7 +150,7 @@ def test_short_step_to_the_side_is_driven_sideways() -> None:
         (Pose2(7.0, 2.0, 0.0), "limit 0.03 m"),  # the front reaches into the wall
     ],
 )
-def test_goals_that_nobody_can_stand_at(goal: Pose2, reason: str) -> None:
+def test_goals_without_clearance_are_refused(goal: Pose2, reason: str) -> None:
     site = PlanningGrid(Grid(0.1, 0.0, 0.0, wall_with_gate(1.3)))
     assert reason in goal_problem(site, ROBOT.footprint, goal, params().planner)
 
@@ -204,7 +204,7 @@ def test_gate_in_a_corner_is_entered_forward_and_in_line() -> None:
     assert np.abs(found.poses[inside, 2]).max() < 0.6  # forward
 
 
-def test_passage_between_poses_turns_on_the_way_and_keeps_its_ends() -> None:
+def test_passage_between_poses_turns_along_the_path_and_keeps_its_ends() -> None:
     cells = grid()
     made = PlanningGrid(Grid(0.1, 0.0, 0.0, cells))
     start, goal = np.array([3.0, 5.0, 3.0]), np.array([6.0, 5.5, -3.0])

@@ -69,7 +69,7 @@ def test_silence_and_time_that_ran_back_are_named(steady_s: float, reason: str) 
     assert reason in problem
 
 
-def test_nothing_received_yet() -> None:
+def test_pose_before_the_first_message() -> None:
     assert source().located(0.0, 0.0) == (None, "/current_pose never received")
 
 
@@ -92,7 +92,7 @@ def test_new_odom_frame_waits_for_a_new_pose() -> None:
     assert located.pose.x == pytest.approx(1.02)
 
 
-def test_clock_set_back_starts_anew() -> None:
+def test_clock_set_back_restarts_the_source() -> None:
     poses = driven()
     poses.on_odometry(2.0, Pose2(1.0, 0.0, 0.0), ZERO_TWIST, 11.02)
     assert poses.located(2.0, 11.02)[0] is None

@@ -84,7 +84,7 @@ def story(grid: Grid, late: int = 0, paint: Callable[..., np.ndarray] = nothing)
 # --- answers ---------------------------------------------------------------------------------------------------------
 
 
-def test_what_the_map_closes_is_lasting_and_what_was_seen_is_not() -> None:
+def test_mapped_obstacles_are_lasting_and_seen_ones_are_not() -> None:
     assert solver(divided()).solve(question(), CancelFlag()) == RouteResult(
         None, "no path from (2.0, 5.0) to (13.0, 5.0)", lasting=True
     )
@@ -95,7 +95,7 @@ def test_what_the_map_closes_is_lasting_and_what_was_seen_is_not() -> None:
     assert solver(divided(slice(40, 60))).solve(question(), CancelFlag()).route is not None
 
 
-def test_without_a_map_nothing_is_lasting() -> None:
+def test_without_a_map_no_failure_is_lasting() -> None:
     ring = (GOAL.x, GOAL.y) + 2.0 * np.array([(np.cos(angle), np.sin(angle)) for angle in np.linspace(0.0, 6.29, 400)])
     answer = solver(None).solve(question(seen=ring), CancelFlag())
     assert (answer.route, answer.lasting) == (None, False)
@@ -285,7 +285,7 @@ def test_another_goal_while_a_route_is_planned_wins() -> None:
     assert routes.questions[0].goal == GOAL
 
 
-def test_a_goal_that_is_cancelled_while_a_route_is_planned_moves_nothing() -> None:
+def test_goal_cancelled_during_planning_causes_no_motion() -> None:
     told, _ = story(divided(slice(70, 90)), late=5)
     told.go(GOAL)
     told.tick()
@@ -302,7 +302,7 @@ def test_a_late_planner_is_waited_for_and_the_robot_arrives() -> None:
     assert min(told.clearances) > 0.15
 
 
-def test_a_closed_way_is_planned_anew_only_when_something_else_is_seen() -> None:
+def test_blocked_route_is_replanned_only_after_a_change() -> None:
     """A closed gate is planned for once, and once more after each change."""
 
     def shut(now_s: float, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -321,7 +321,7 @@ def test_a_closed_way_is_planned_anew_only_when_something_else_is_seen() -> None
     told.until(reached)
 
 
-def test_a_prompt_planner_forgets_what_is_dropped() -> None:
+def test_prompt_planner_discards_dropped_requests() -> None:
     prompt = PromptRoutes(solver(divided(slice(40, 60))))
     prompt.ask(question())
     prompt.drop()

@@ -59,13 +59,13 @@ def test_a_warning_of_the_mission_manager_counts(stood: Ride) -> None:
     assert warned_s(stood) < 0.2
 
 
-def test_a_goal_where_it_stands_warns_nobody(stood: Ride) -> None:
+def test_goal_at_the_present_pose_gives_no_warning(stood: Ride) -> None:
     stood.go(Pose2(0.0, 0.0, 0.0))
     assert stood.until_reached(1.0).reached
 
 
 @pytest.mark.parametrize("hindrance", ["emergency stop", "no pose", "speed limit"])
-def test_what_forbids_to_move_takes_the_warning_back(stood: Ride, hindrance: str) -> None:
+def test_forbidden_motion_cancels_the_warning(stood: Ride, hindrance: str) -> None:
     stood.go(GOAL)
     stood.run(1.5)
     stood.emergency_stop = hindrance == "emergency stop"
@@ -89,7 +89,7 @@ def test_a_cancelled_goal_ends_the_warning(stood: Ride) -> None:
     assert warned_s(stood) == pytest.approx(PARAMS.warning_s, abs=0.11)
 
 
-def test_another_goal_within_the_warning_goes_on_with_it(stood: Ride) -> None:
+def test_new_goal_during_the_warning_continues_it(stood: Ride) -> None:
     stood.go(GOAL)
     stood.run(1.0)
     stood.go(Pose2(0.0, 1.0, 0.0))
@@ -98,7 +98,7 @@ def test_another_goal_within_the_warning_goes_on_with_it(stood: Ride) -> None:
     assert stood.drive.pose.distance_to(Pose2(0.0, 1.0, 0.0)) < 0.05
 
 
-def test_a_robot_held_for_long_under_way_warns_before_it_goes_on(stood: Ride) -> None:
+def test_robot_held_for_long_warns_before_it_continues(stood: Ride) -> None:
     stood.go(Pose2(4.0, 0.0, 0.0))
     stood.run(4.0)
     stood.controller.set_speed_limit(SpeedLimit(0.0, 0.0))

@@ -47,7 +47,7 @@ def test_error_pulls_back_and_is_bounded() -> None:
     assert far.omega == pytest.approx(-TRACKING.max_correction_radps)
 
 
-def test_a_slower_plan_asks_for_less_speed() -> None:
+def test_slower_plan_commands_less_speed() -> None:
     state = MotionState(IDENTITY, velocity=(1.0, 0.0), yaw_rate=0.4)
     twist = command(state, state, IDENTITY, TRACKING, rate=0.5)
     assert (twist.vx, twist.vy, twist.omega) == pytest.approx((0.5, 0.0, 0.2))
@@ -72,7 +72,7 @@ def test_the_plan_waits_for_a_robot_that_is_behind(pose: Pose2, rate: float) -> 
     assert waiting_rate(planned, pose, TRACKING) == pytest.approx(rate)
 
 
-def test_a_plan_at_rest_waits_for_nobody() -> None:
+def test_plan_at_rest_does_not_wait() -> None:
     assert waiting_rate(MotionState(IDENTITY), Pose2(-0.5, 0.0, -0.5), TRACKING) == 1.0
 
 
@@ -92,7 +92,7 @@ def test_bound_keeps_the_course() -> None:
     assert bounded(Twist2(1.0, 0.0, 1.0), 0.0, 0.0) == Twist2(0.0, 0.0, 0.0)
 
 
-def test_settling_goes_straight_at_the_goal() -> None:
+def test_settling_drives_straight_to_the_goal() -> None:
     limits = planning_limits(ROBOT.empty, SpeedLimit(0.1, 0.2), params().limits)
     assert limits is not None
     twist = settle_command(Pose2(0.0, 0.02, 0.0), Pose2(0.0, 0.0, math.pi / 2.0), limits.cruise, TRACKING)
@@ -118,7 +118,7 @@ def test_planning_limits_take_the_smallest() -> None:
 
 
 @pytest.mark.parametrize("limit", [SpeedLimit(0.0, 1.0), SpeedLimit(1.0, 0.0), SpeedLimit(math.nan, 1.0)])
-def test_no_limits_where_nothing_is_left(limit: SpeedLimit) -> None:
+def test_no_limits_without_remaining_reserve(limit: SpeedLimit) -> None:
     assert planning_limits(ROBOT.empty, limit, params().limits) is None
 
 

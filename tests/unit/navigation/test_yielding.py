@@ -39,7 +39,7 @@ def test_nearest_is_from_edge_to_edge() -> None:
     assert nearest_m(HERE, FOOTPRINT, standing()) == math.inf
 
 
-def test_leads_away_from_who_stands_ahead() -> None:
+def test_gives_way_away_from_pedestrian_ahead() -> None:
     twist = way_out(HERE, FOOTPRINT, around(), standing((1.0, 0.0)), MARGIN_M, P)
     assert twist is not None
     assert twist.vx < -0.1
@@ -55,12 +55,12 @@ def test_in_a_corridor_it_leads_back_and_not_into_a_wall() -> None:
     assert abs(twist.vy) < 1e-6
 
 
-def test_who_is_closed_in_stays() -> None:
+def test_enclosed_robot_stays() -> None:
     cage = around((-4.0, 4.0, 0.6, 0.7), (-4.0, 4.0, -0.7, -0.6), (-0.8, -0.7, -1.0, 1.0))
     assert way_out(HERE, FOOTPRINT, cage, standing((1.0, 0.1)), MARGIN_M, P) is None
 
 
-def test_between_two_people_nobody_is_driven_at() -> None:
+def test_robot_between_two_pedestrians_approaches_neither() -> None:
     twist = way_out(HERE, FOOTPRINT, around(), standing((0.95, 0.0), (-0.95, 0.0)), MARGIN_M, P)
     assert twist is None or abs(twist.vy) > abs(twist.vx)
 
@@ -88,7 +88,7 @@ class Stubborn:
             self.x -= 0.8 * dt_s
 
 
-def test_somebody_who_meets_the_robot_in_a_gate_is_made_room_for() -> None:
+def test_robot_gives_way_to_pedestrian_in_a_gate() -> None:
     cells = corridor().occupancy.copy()
     walker = Stubborn()
 

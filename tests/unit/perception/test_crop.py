@@ -76,7 +76,7 @@ def test_points_are_read_where_they_are(robot: Robot, params: PerceptionParams) 
 
 @settings(max_examples=50, deadline=None)
 @given(hnp.arrays(np.float32, (20, 3), elements=NUMBERS))
-def test_what_is_left_is_finite_outside_the_boxes_and_in_range(seen: np.ndarray) -> None:
+def test_remaining_points_are_finite_outside_the_boxes_and_in_range(seen: np.ndarray) -> None:
     cut = np.array([[-0.55, 0.55, -0.4, 0.4, -0.3, 1.0]], np.float32)
     xyz, _, broken = crop(cloud(seen), MOUNT, cut, RANGE_M)
     assert broken == int((~np.isfinite(seen).all(axis=1)).sum())

@@ -29,7 +29,7 @@ def driven(twist: Twist2, until_s: float = 0.0) -> Motion:
     return motion
 
 
-def test_a_wall_ahead_comes_nearer_by_what_was_driven() -> None:
+def test_wall_ahead_approaches_by_the_driven_distance() -> None:
     """1 m/s for 0.05 s: a point measured 5.00 m ahead is now 4.95 m ahead."""
     motion = driven(Twist2(1.0, 0.0, 0.0))
     xyz = np.array([[5.0, 0.0, 0.5], [4.95, 0.0, 0.5]], np.float32)
@@ -85,7 +85,7 @@ def test_readings_that_are_not_finite_are_refused() -> None:
     assert motion.attitude_at(0.0) is None
 
 
-def test_an_old_attitude_is_not_known() -> None:
+def test_stale_attitude_is_not_used() -> None:
     motion = Motion(DESKEW)
     motion.on_attitude(0.0, Attitude(0.1, 0.2))
     assert motion.attitude_at(0.05) == Attitude(0.1, 0.2)

@@ -12,11 +12,11 @@ SEED = 911
 
 @pytest.mark.parametrize("lit", [True, False])
 @pytest.mark.parametrize("course_deg", [0.0, 60.0])
-def test_a_dirty_pane_is_shown_in_every_cloud_on_the_way_to_it(lit: bool, course_deg: float) -> None:
+def test_dirty_pane_is_in_every_cloud_during_the_approach(lit: bool, course_deg: float) -> None:
     assert approached(Window(lit, 0.001), [SEED], course_deg) == 0.0
 
 
-def test_mirror_images_lie_behind_the_pane_and_nothing_is_made_up_before_it() -> None:
+def test_mirror_images_lie_behind_the_pane_and_none_in_front() -> None:
     """A dark shop window mirrors the parked car: phantoms, but behind a real obstacle."""
     missed, behind, before = standing(Window(lit=False, dirt=0.001), 2.0, [SEED])
     assert missed == 0.0

@@ -66,7 +66,7 @@ def test_a_ride_with_the_chair_is_not_stopped_by_what_is_not_there(
     [(who, x_m) for who in (CHILD, POLE, LOW_BOX, STUMP) for x_m in (1.2, 1.6, 2.0, 2.6) if (who, x_m) != (STUMP, 2.6)],
 )
 @pytest.mark.parametrize("y_m", [0.50, 0.60, 0.70, -0.60])
-def test_what_stands_beside_the_chairs_edge_is_an_obstacle(who: Post, x_m: float, y_m: float) -> None:
+def test_object_beside_the_chairs_edge_is_an_obstacle(who: Post, x_m: float, y_m: float) -> None:
     yard = Yard(chair=True, mixed=0.3, columns=load_lidar_params().beams.columns, who=who)
     away_m = max(abs(y_m), 0.45 + who.radius_m)
     yard.at["who"] = (x_m, np.copysign(away_m, y_m))
@@ -75,7 +75,7 @@ def test_what_stands_beside_the_chairs_edge_is_an_obstacle(who: Post, x_m: float
     assert near(yard.scene.obstacles, x_m, float(np.copysign(away_m, y_m)), who.radius_m + 0.1) > 0
 
 
-def test_few_points_beside_the_chair_are_no_thing_and_many_are(params: PerceptionParams) -> None:
+def test_few_points_beside_the_chair_are_no_obstacle_and_many_are(params: PerceptionParams) -> None:
     few = params.mixed_pixels
     box = np.array([0.45, 1.45, -0.45, 0.45, -0.3, 1.6], np.float32)
     chair = np.zeros(3, SWEEP)

@@ -108,12 +108,12 @@ def test_ranges_between_the_edges_of_mast_and_passenger_and_the_ground_are_no_ob
         ((1.5, 0.0), False),
     ],
 )
-def test_what_lies_behind_the_mast(robot: Robot, point: tuple[float, float], hidden: bool) -> None:
+def test_points_behind_the_mast(robot: Robot, point: tuple[float, float], hidden: bool) -> None:
     xyz = np.array([[*point, 0.5]], np.float32)
     assert beside_mast(xyz, (0.45, 0.0), robot.mast, 0.02)[0] == hidden
 
 
-def test_a_sensor_on_top_of_its_mast_has_nothing_behind_it(robot: Robot) -> None:
+def test_sensor_on_top_of_its_mast_has_no_shadow(robot: Robot) -> None:
     around = np.array([[1.0, 0.0, 0.5], [-1.0, 0.0, 0.5]], np.float32)
     assert not beside_mast(around, (robot.mast.x_m, robot.mast.y_m), robot.mast, 0.02).any()
 
@@ -171,7 +171,7 @@ def test_a_ramp_ahead_is_ground(y_m: float, name: str, x_m: float, robot: Robot,
     assert not ((np.abs(found[:, 1]) < 1.2) & (found[:, 0] > 0.5)).any(), name
 
 
-def test_what_was_seen_moves_with_the_robot_and_is_forgotten_soon(robot: Robot, params: PerceptionParams) -> None:
+def test_frame_moves_with_the_robot_and_expires(robot: Robot, params: PerceptionParams) -> None:
     twist = Twist2(1.0, 0.0, 0.5)
     motion = Motion(params.deskew)
     odometry(motion, twist)
@@ -199,7 +199,7 @@ def test_it_joins_the_obstacles(pipeline: Pipeline) -> None:
     assert near(pipeline.scene(sweep(seed=2), 0.1).obstacles, 2.0, 0.0) == 0
 
 
-def test_a_robot_without_it_goes_without(robot: Robot, params: PerceptionParams) -> None:
+def test_robot_without_overhead_lidar_is_supported(robot: Robot, params: PerceptionParams) -> None:
     lidar = {frames.LIDAR: robot.range_sensors[frames.LIDAR]}
     pipeline = Pipeline(robot.model_copy(update={"range_sensors": lidar}), params)
     odometry(pipeline.motion)
@@ -207,7 +207,7 @@ def test_a_robot_without_it_goes_without(robot: Robot, params: PerceptionParams)
     assert len(pipeline.scene(sweep(), 0.0).obstacles) == 0
 
 
-def test_what_follows_from_a_mounting(robot: Robot) -> None:
+def test_geometry_derived_from_a_mounting(robot: Robot) -> None:
     """Where the rings meet the ground: 0.7 m / tan(30 deg), and 1.9 m / tan(52 deg) for the upside-down sensor."""
     lidar, overhead = robot.range_sensors[frames.LIDAR], robot.range_sensors[SENSOR]
     assert lidar.first_ground_m() == pytest.approx(0.70 / math.tan(math.radians(30.0)))

@@ -55,7 +55,7 @@ def test_a_kerb_of_8_cm_is_seen_by_the_robot_s_own_sensor_at_its_worst(
 
 
 @pytest.mark.skipif(not list(FOLDER.glob("scan_*.bin")), reason=f"no sweeps in {FOLDER}")
-def test_a_street_that_nobody_here_has_recorded_is_seen_as_well_as_by_the_peer() -> None:
+def test_foreign_street_recording_matches_the_reference_method() -> None:
     figures = run(repeats=1).figures
     assert figures["phantoms"] <= figures["patchworkpp_phantoms"]
     assert figures["missed_cells_pct"] <= figures["patchworkpp_missed_cells_pct"]

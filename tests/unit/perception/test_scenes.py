@@ -151,7 +151,7 @@ def test_a_single_stray_point_is_removed(look: Look) -> None:
     assert len(look(points).obstacles) == 0
 
 
-def test_an_empty_sweep_shows_nothing_free(look: Look) -> None:
+def test_empty_sweep_frees_no_space(look: Look) -> None:
     scene = look(sweep()[:0])
     assert len(scene.obstacles) == 0
     assert scene.free_m.max() == 0.0

@@ -36,7 +36,7 @@ def test_obstacles_move_with_the_robot() -> None:
     np.testing.assert_allclose(carried(ahead, step, (0.2, 0.0), nowhere), [[0.0, -2.0, 0.5]], atol=1e-6)
 
 
-def test_what_this_sweep_looked_at_is_not_carried_over() -> None:
+def test_directions_of_this_sweep_are_not_carried_over() -> None:
     """The directions of a sensor at x = 0.2 m: one of the two points is in a covered direction."""
     covered = np.zeros(360, np.bool_)
     covered[180] = True

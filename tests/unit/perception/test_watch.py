@@ -29,7 +29,7 @@ def halves(seed: int = 0) -> tuple[Points, Points]:
     return points[points["y"] >= 0.0], points[points["y"] < 0.0]
 
 
-def test_a_turning_sensor_sees() -> None:
+def test_points_of_a_turning_sensor() -> None:
     watch = Watch(WATCH, HEIGHT_M)
     for turn in range(5):
         for number, half in enumerate(halves(turn)):
@@ -110,13 +110,13 @@ def test_a_blind_direction_is_an_obstacle_beside_the_robot(robot: Robot) -> None
     assert np.all(np.abs(added[:, 1]) < 0.1)
 
 
-def test_one_lost_half_sweep_blinds_nobody() -> None:
+def test_one_lost_half_sweep_causes_no_blind_sector() -> None:
     watch = Watch(WATCH, HEIGHT_M)
     for step in (0, 1, 2, 4, 5, 6):
         assert watch.blind(halves(step)[step % 2], 0.05 * step) == ""
 
 
-def test_a_chair_excuses_only_what_is_too_near_to_be_seen(robot: Robot) -> None:
+def test_chair_excuses_only_directions_below_the_minimum_range(robot: Robot) -> None:
     """The board is 0.75 m from the LiDAR, which measures from 0.6 m on: dirt is detected there as elsewhere."""
     assert not too_near(robot, LATCHED, WATCH).any()
     assert not too_near(robot, None, WATCH).any()
@@ -154,7 +154,7 @@ def hidden_low(step: int, from_deg: float, width_deg: float) -> Points:
 
 
 @pytest.mark.parametrize(("width_deg", "least", "most"), [(3.0, 0, 0), (6.0, 4, 7), (30.0, 28, 31)])
-def test_what_is_too_near_to_be_seen_hides_the_ground_behind_it(width_deg: float, least: int, most: int) -> None:
+def test_object_below_the_minimum_range_hides_the_ground_behind_it(width_deg: float, least: int, most: int) -> None:
     """The background is visible above a child's head, but the ground in front is not."""
     watch = Watch(WATCH, HEIGHT_M)
     for step in range(10):
@@ -186,7 +186,7 @@ def test_stamps_must_be_of_now(stamp_s: float, problem: str) -> None:
     assert bool(found) == bool(problem)
 
 
-def test_stamps_must_go_on_and_may_begin_anew_with_the_clock() -> None:
+def test_stamps_must_increase_and_may_restart_with_the_clock() -> None:
     watch = Watch(WATCH, HEIGHT_M)
     assert watch.stamp_problem(10.0, 10.01) == ""
     assert "does not increase" in watch.stamp_problem(10.0, 10.02)

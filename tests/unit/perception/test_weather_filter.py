@@ -35,7 +35,7 @@ def patch(at_m: float, size_m: float, robot: Robot) -> np.ndarray:
 
 
 @pytest.mark.parametrize("at_m", [1.0, 2.0, 3.0])
-def test_a_thing_is_believed_by_its_size_whatever_its_distance(at_m: float, crowd: Crowd, robot: Robot) -> None:
+def test_objects_are_accepted_by_size_at_any_distance(at_m: float, crowd: Crowd, robot: Robot) -> None:
     large, small = patch(at_m, 0.08, robot), patch(at_m, 0.03, robot)
     assert len(crowd.split(large)[0]) == len(large)
     things, doubtful = crowd.split(small)
@@ -44,7 +44,7 @@ def test_a_thing_is_believed_by_its_size_whatever_its_distance(at_m: float, crow
     assert len(crowd.split(small[:2])[1]) == 0
 
 
-def test_the_number_asked_for_has_a_floor_and_a_ceiling(crowd: Crowd, params: PerceptionParams) -> None:
+def test_required_number_of_points_has_limits(crowd: Crowd, params: PerceptionParams) -> None:
     few, many = params.obstacles.neighbours_min, params.obstacles.neighbours_max
     far, close = np.array([[20.0, 0.0, 0.7]], np.float32), np.array([[0.8, 0.0, 0.7]], np.float32)
     assert len(crowd.split(np.repeat(far, few, axis=0))[0]) == few
@@ -53,7 +53,7 @@ def test_the_number_asked_for_has_a_floor_and_a_ceiling(crowd: Crowd, params: Pe
     assert len(crowd.split(np.repeat(close, many - 1, axis=0))[0]) == 0
 
 
-def test_what_is_strewn_over_the_height_is_no_thing(crowd: Crowd, robot: Robot, params: PerceptionParams) -> None:
+def test_returns_scattered_over_height_are_no_obstacle(crowd: Crowd, robot: Robot, params: PerceptionParams) -> None:
     """Both columns have as many returns as an object at 6 m. Only those in adjacent rings are one."""
     count, ring_m = params.obstacles.neighbours_min, 6.0 * robot.range_sensors[frames.LIDAR].ring_spacing_rad
     column = np.full((count, 3), [6.2, 0.0, 0.3], np.float32)
@@ -68,7 +68,7 @@ def test_what_is_strewn_over_the_height_is_no_thing(crowd: Crowd, robot: Robot, 
     assert len(doubtful) == count
 
 
-def test_what_is_out_of_range_or_not_a_number_is_nothing(crowd: Crowd) -> None:
+def test_non_finite_and_out_of_range_points_are_dropped(crowd: Crowd) -> None:
     points = np.array([[100.0, 0.0, 1.0], [np.nan, 0.0, 1.0]], np.float32)
     assert [len(part) for part in crowd.split(points)] == [0, 0]
     assert [len(part) for part in crowd.split(points[:0])] == [0, 0]
@@ -86,7 +86,7 @@ def run(pipeline: Pipeline, weather: Shower, halves: int, begin_s: float = 0.0) 
 
 @pytest.mark.parametrize("kind", ["rain", "snow", "dust", "sun"])
 @pytest.mark.parametrize("returns", [100, 300, 1000])
-def test_what_is_in_the_air_is_no_obstacle(kind: str, returns: int, pipeline: Pipeline) -> None:
+def test_airborne_returns_are_no_obstacle(kind: str, returns: int, pipeline: Pipeline) -> None:
     """On an empty plain every published obstacle is a phantom."""
     weather = shower(kind, returns, seed=41)
     counts = [len(obstacles) for obstacles in run(pipeline, weather, 20)]
@@ -117,7 +117,7 @@ def test_who_enters_is_seen_in_the_first_turn_and_never_lost(
         assert (np.hypot(obstacles[:, 0] - x_m, obstacles[:, 1] - y_m) < who.radius_m + 0.1).any()
 
 
-def test_what_was_occupied_is_not_free_because_it_now_returns_too_little(pipeline: Pipeline) -> None:
+def test_occupied_cell_with_few_returns_stays_occupied(pipeline: Pipeline) -> None:
     """A pole stays in place but yields only stray returns from some step on."""
     who, at_m = Bystander("pole", 0.025, 1.0), 2.0
     weather = with_bystander(shower("clear", 0, seed=43), who, at_m)
@@ -131,7 +131,7 @@ def test_what_was_occupied_is_not_free_because_it_now_returns_too_little(pipelin
             assert (np.hypot(obstacles[:, 0] - at_m, obstacles[:, 1]) < 0.15).any()
 
 
-def test_a_thin_chain_across_the_way_is_seen_and_keeps_its_place(pipeline: Pipeline) -> None:
+def test_thin_chain_across_the_path_is_detected_and_kept(pipeline: Pipeline) -> None:
     """8 mm thick, 0.5 m high: with too few returns for a new obstacle, the existing one stays."""
     across = Bystander("chain", 0.004, 1.0)
     weather = with_bystander(shower("clear", 0, seed=45), across, 2.0, lying_m=0.5)

@@ -111,7 +111,7 @@ def test_a_limit_without_a_number_is_a_stop() -> None:
     assert arbitrate([replace(SLOW, limit=None)], OWN, None).limit.usable() == (0.0, 0.0)
 
 
-def test_a_limit_above_the_robots_own_changes_nothing() -> None:
+def test_limit_above_the_robots_limits_has_no_effect() -> None:
     assert arbitrate([replace(SLOW, limit=SpeedLimit(9.0, 9.0))], OWN, None).limit == SafetyLimit(1.5, 1.0)
 
 
@@ -123,7 +123,7 @@ def test_a_limit_equal_to_the_robots_own_is_no_reason(limit: SpeedLimit) -> None
     assert arbitrate([same, tight], OWN, None).limit.codes == ("TIGHT",)
 
 
-def test_a_stop_ignores_a_number_that_comes_with_it() -> None:
+def test_stop_ignores_an_attached_limit() -> None:
     assert arbitrate([replace(STOP, limit=SpeedLimit(0.7, 0.7))], OWN, None).limit.usable() == (0.0, 0.0)
 
 
@@ -140,7 +140,9 @@ def _rows() -> st.SearchStrategy[list[ActiveRow]]:
 
 
 @given(_rows(), _rows(), st.booleans())
-def test_one_more_fault_never_makes_it_milder(rows: list[ActiveRow], more: list[ActiveRow], passenger: bool) -> None:
+def test_additional_fault_never_relaxes_the_action(
+    rows: list[ActiveRow], more: list[ActiveRow], passenger: bool
+) -> None:
     aboard = PASSENGER if passenger else None
     fewer, all_of_them = arbitrate(rows, OWN, aboard), arbitrate([*rows, *more], OWN, aboard)
     assert all_of_them.action >= fewer.action

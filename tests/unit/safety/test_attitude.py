@@ -171,7 +171,7 @@ def test_free_fall_leaves_the_gyroscope_alone() -> None:
     assert math.degrees(up.inclination_rad()) == pytest.approx(10.0, abs=1e-9)
 
 
-def test_free_fall_settles_nothing() -> None:
+def test_free_fall_does_not_settle_the_filter() -> None:
     up = _up()
     _feed(up, ImuSample(0.0, 0.0, 0.0, 0.0, 0.0, 0.0), 0.0, 1.0)
     assert math.isnan(up.inclination_rad())
@@ -210,7 +210,7 @@ def test_a_weak_force_has_a_direction_too() -> None:
 
 
 @pytest.mark.parametrize("later_s", [0.31, -0.01, -100.0, math.nan])
-def test_a_gap_or_a_jump_of_time_begins_anew(later_s: float) -> None:
+def test_gap_or_jump_of_time_restarts_the_filter(later_s: float) -> None:
     up = _up()
     now_s = _feed(up, _at_rest(0.0, 10.0), 1000.0, 1.0) - DT_S
     up.update(_at_rest(0.0, 0.0), ZERO, now_s + later_s)
@@ -288,21 +288,21 @@ def test_never_more_than_a_robot_can_do() -> None:
 
 
 @pytest.mark.parametrize("later_s", [0.11, -0.01, math.nan])
-def test_an_old_velocity_explains_nothing(later_s: float) -> None:
+def test_stale_velocity_is_ignored(later_s: float) -> None:
     motion = PlanarAcceleration(0.1, 2.5)
     motion.update(1.0, 0.0, 7.0)
     assert motion.at(1.0, 7.0 + later_s) == ZERO
 
 
 @pytest.mark.parametrize("later_s", [0.11, -5.0])
-def test_after_a_gap_the_derivative_begins_anew(later_s: float) -> None:
+def test_derivative_restarts_after_a_gap(later_s: float) -> None:
     motion = PlanarAcceleration(0.1, 2.5)
     motion.update(0.0, 0.0, 7.0)
     motion.update(1.0, 0.0, 7.0 + later_s)
     assert motion.at(0.0, 7.0 + later_s) == ZERO
 
 
-def test_within_the_filter_time_the_derivative_goes_on() -> None:
+def test_derivative_continues_within_the_filter_time() -> None:
     motion = PlanarAcceleration(0.125, 25.0)
     motion.update(0.0, 0.0, 7.0)
     motion.update(1.0, 0.0, 7.125)

@@ -49,13 +49,13 @@ def test_an_engine_that_is_still_starting_is_no_press() -> None:
     assert not desk.button.overheard(False)
 
 
-def test_found_released_it_says_nothing() -> None:
+def test_released_button_at_the_start_publishes_no_press() -> None:
     desk = Desk()
     assert desk.hold(RELEASED) == []
     assert desk.button.pressed is False
 
 
-def test_found_pressed_it_says_so_once() -> None:
+def test_pressed_button_at_the_start_publishes_one_press() -> None:
     assert Desk().hold(PRESSED, 5.0) == [True]
 
 
@@ -106,7 +106,7 @@ def test_once_settled_an_unreadable_contact_is_pressed() -> None:
     assert desk.hold(RELEASED) == [False]
 
 
-def test_readings_that_come_and_go_at_the_start_settle_nothing() -> None:
+def test_intermittent_readings_at_the_start_do_not_settle() -> None:
     desk = Desk()
     for _ in range(10):
         assert desk.hold(RELEASED, 0.008) == []

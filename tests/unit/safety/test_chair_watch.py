@@ -41,7 +41,7 @@ def state(story: Story, statement: LatchStatement) -> Story:
     return story
 
 
-def test_a_latch_that_lets_go_stops_and_the_reset_permits_nothing_but_a_slow_undocking() -> None:
+def test_opened_latch_stops_and_reset_permits_only_slow_undocking() -> None:
     story = riding()
     story.latch = OPEN
     story.tick().expect(EMERGENCY, ("CHAIR_LOOSE", "LATCH_NOT_CLOSED"))
@@ -66,7 +66,7 @@ def test_every_reading_but_a_confirmed_one_is_a_loose_chair_while_the_robot_move
     assert f"closed={int(reading.closed)}, open={int(reading.open)}" in story.monitor.details["CHAIR_LOOSE"]
 
 
-def test_a_contact_that_comes_back_clears_only_what_is_not_latched() -> None:
+def test_returned_contact_clears_only_faults_that_are_not_latched() -> None:
     story = riding()
     story.latch = NEITHER
     story.tick()
@@ -115,7 +115,7 @@ def open_and_undocking() -> Story:
     return story.step()
 
 
-def test_an_undocking_that_is_stated_no_more_permits_nothing() -> None:
+def test_stale_undocking_status_permits_no_motion() -> None:
     open_and_undocking().before(STALE_S).expect(NORMAL, linear_mps=CREEP_MPS).past().expect(DEGRADED, linear_mps=0.0)
     story = state(open_and_undocking(), HELD)
     story.tick().expect(DEGRADED, ("LATCH_NOT_CLOSED",), linear_mps=0.0)
@@ -177,7 +177,7 @@ def test_a_loose_chair_outlives_a_restart_of_the_monitor(statement: LatchStateme
 
 
 @pytest.mark.parametrize("statement", [HELD, None])
-def test_a_false_ends_nothing_while_the_latch_is_closed(statement: LatchStatement | None) -> None:
+def test_passenger_false_is_ignored_while_the_latch_is_closed(statement: LatchStatement | None) -> None:
     story = Story().carry().healthy()
     if statement is not None:
         state(story, statement)
@@ -197,7 +197,7 @@ def test_a_false_of_another_does_not_free_a_loose_chair() -> None:
 LIMIT = SpeedLimit(0.15, 0.10)
 
 
-def test_who_attaches_and_detaches() -> None:
+def test_passenger_attached_and_detached() -> None:
     found = ChairWatch(False, LIMIT, STALE_S)
     found.said(True)
     assert (found.attached, found.carried) == (True, True)  # no latch statement: the report counts
@@ -216,7 +216,7 @@ def test_who_attaches_and_detaches() -> None:
     assert found.carried
 
 
-def test_nothing_said_keeps_what_was() -> None:
+def test_missing_message_keeps_the_state() -> None:
     for before in (False, True):
         found = ChairWatch(before, LIMIT, STALE_S)
         found.contacts(OPEN)

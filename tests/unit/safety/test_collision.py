@@ -153,7 +153,9 @@ def _within(place: tuple[float, float], twist: Twist2, at_s: float, shrunk: floa
         (0.4, 0.28, 0.0, 0.0, -1.0, False),  # and out of it
     ],
 )
-def test_what_is_inside_already(x: float, y: float, vx: float, vy: float, omega: float, touched: bool) -> None:
+def test_point_already_inside_the_footprint(
+    x: float, y: float, vx: float, vy: float, omega: float, touched: bool
+) -> None:
     assert time_to(x, y, vx, vy, omega) == (0.0 if touched else math.inf)
 
 
@@ -163,7 +165,7 @@ def test_approach_is_the_soonest_and_the_nearest() -> None:
     assert approach(points((2.5, 0.0), (1.5, 0.0), (0.0, 2.0)), BODY, Twist2(0.5, 0.0, 0.0)) == Approach(2.0, 1.0)
 
 
-def test_clearance_is_the_way_of_the_point_and_counts_from_the_body() -> None:
+def test_clearance_is_the_distance_along_the_path_from_the_footprint() -> None:
     """Turning on the spot, the farther point travels a longer distance until it is touched at the same time."""
     found = approach(points((0.0, 0.5)), BODY, Twist2(0.0, 0.0, -0.5))
     turn = math.pi / 2 - math.atan2(0.3, 0.4)
@@ -173,7 +175,7 @@ def test_clearance_is_the_way_of_the_point_and_counts_from_the_body() -> None:
     assert (ahead.time_s, ahead.clearance_m) == pytest.approx((1.9, 2.0))
 
 
-def test_clearance_beside_a_robot_that_goes_sideways_and_turns() -> None:
+def test_clearance_of_a_robot_moving_sideways_and_turning() -> None:
     """The two motions of the point add up in front of the robot's centre and subtract behind it."""
     twist = Twist2(0.0, 0.5, 0.5)
     for x_m in (0.3, -0.3):
@@ -272,6 +274,6 @@ def test_a_wall_within_the_margin_is_met_by_the_body(vx: float, vy: float, secon
     assert WIDENED.body() == Outline(*(pytest.approx(value) for value in (0.5, -0.4, 0.3)), 0.0)
 
 
-def test_what_is_inside_the_body_is_met_only_by_getting_deeper() -> None:
+def test_points_inside_the_footprint_collide_only_if_they_get_deeper() -> None:
     assert time_to(0.0, 0.29, 0.9, 0.1, 0.0, WIDENED) == math.inf
     assert time_to(0.0, 0.29, 0.0, 0.1, 0.0, WIDENED) == 0.0

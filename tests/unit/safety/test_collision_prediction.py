@@ -43,7 +43,7 @@ def look(
     return look_ahead(points, unseen, BODY, WIDENED, measured, driven, requested, P, 2.0)
 
 
-def test_a_standing_robot_that_is_asked_nothing_meets_nothing() -> None:
+def test_robot_at_standstill_without_request_has_no_collision() -> None:
     assert look() == CollisionPrediction(FREE, FREE, FREE, 1.0, pytest.approx(math.hypot(0.5, 0.35)), 2.0)
     assert look(points=np.empty((0, 3))).nearest_m == math.inf
 
@@ -58,7 +58,7 @@ def test_faster_is_base_link_or_the_farthest_corner_as_measured() -> None:
     assert not replace(look(), measured=Twist2(0.0, 0.0, math.nan)).no_faster_than(1.0)
 
 
-def test_a_motion_of_rest_meets_not_even_what_is_in_touch() -> None:
+def test_standstill_has_no_collision_even_with_touching_points() -> None:
     touching = np.array([[0.5, 0.0, 1.0]])
     assert look(measured=Twist2(P.rest_mps, 0.0, 0.0), points=touching).moving == FREE
     assert look(measured=Twist2(P.rest_mps + 1e-6, 0.0, 0.0), points=touching).moving != FREE
@@ -88,7 +88,7 @@ def test_a_silent_drive_is_judged_by_the_wish() -> None:
     assert (silent.moving, silent.wanted) == (POLE_AHEAD, FREE)
 
 
-def test_the_margin_widens_the_way_and_not_the_distance() -> None:
+def test_margin_widens_the_swept_path_and_not_the_distance() -> None:
     beside = np.array([[1.5, 0.38, 1.0]])
     found = look_ahead(beside, NOTHING, BODY, Outline(0.55, -0.55, 0.4, 0.05), ZERO_TWIST, AHEAD, ZERO_TWIST, P, 2.0)
     assert found.moving.clearance_m == pytest.approx(1.0)
@@ -132,7 +132,7 @@ def test_at_the_limit_the_robot_can_stop_and_has_time(clearance_m: float) -> Non
 # --- unseen space ----------------------------------------------------------------------------------------------------
 
 
-def test_every_motion_that_is_made_or_asked_for_may_lead_into_the_unseen() -> None:
+def test_actual_and_requested_motion_are_checked_for_unseen_space() -> None:
     assert look(unseen=POLE).unseen == FREE
     for motion in ({"measured": AHEAD}, {"driven": AHEAD}, {"requested": AHEAD}, {"driven": BACK, "requested": AHEAD}):
         assert look(unseen=POLE, points=NOTHING, **motion).unseen == POLE_AHEAD
@@ -165,7 +165,7 @@ def test_the_robot_can_stop_before_ground_ends(clearance_m: float) -> None:
     assert faster * P.reaction_s + faster * faster / 4.0 > way_m
 
 
-def test_where_nobody_says_what_is_seen_nothing_is() -> None:
+def test_without_unseen_cloud_all_space_is_unseen() -> None:
     assert look(unseen=None, driven=AHEAD).unseen == Approach(0.0, 0.0)
     assert look(unseen=None).unseen == FREE
 
@@ -196,7 +196,7 @@ def test_commands_grow_stale() -> None:
     assert (commands.driven(0.9), commands.requested(0.9)) == (None, ZERO_TWIST)  # the clock jumped backwards
 
 
-def test_the_highest_source_is_what_is_wished() -> None:
+def test_request_of_the_highest_source_is_used() -> None:
     commands = CommandWatch(0.25)
     commands.request("/cmd_vel", AHEAD, 1.1)
     commands.request("/docking/cmd_vel", BACK, 1.1)

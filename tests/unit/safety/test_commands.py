@@ -49,7 +49,7 @@ def test_a_command_keeps_its_direction_and_an_ordinary_one_is_as_it_is() -> None
     assert watch.requested(0.1) == Twist2(0.0, 0.0, 0.0)
 
 
-def test_who_leads() -> None:
+def test_leading_source_of_commands() -> None:
     watch = CommandWatch(0.5)
     assert watch.leading(0.0) is None
     watch.request("/cmd_vel", Twist2(0.0, 0.0, 0.0), 0.0)

@@ -25,11 +25,11 @@ def same(state: ComputerState, *expected: float) -> bool:
     return values == pytest.approx(expected, nan_ok=True)
 
 
-def test_nothing_is_known_at_first() -> None:
+def test_all_values_are_unknown_at_first() -> None:
     assert same(watch().state(1.0), math.nan, math.nan, 0.0, math.nan, math.nan)
 
 
-def test_numbers_are_known_until_they_are_stale() -> None:
+def test_values_are_available_until_they_are_stale() -> None:
     computer = watch()
     computer.usage(10.0, 20.0, 30.0, 1.0)
     computer.temperature(40.0, 1.0)
@@ -39,7 +39,7 @@ def test_numbers_are_known_until_they_are_stale() -> None:
     assert same(computer.state(3.01), math.nan, math.nan, 0.0, math.nan, math.nan)
 
 
-def test_what_is_no_number_or_out_of_range_is_not_received() -> None:
+def test_non_finite_and_out_of_range_values_are_rejected() -> None:
     computer = watch()
     computer.usage(10.0, 20.0, 30.0, 1.0)
     computer.temperature(40.0, 1.0)
@@ -92,7 +92,7 @@ def test_a_link_that_is_not_required_is_missed_only_after_it_has_been_up() -> No
     assert link.silent_s(103.0) == 2.0
 
 
-def test_nobody_misses_what_does_not_run_here() -> None:
+def test_processes_outside_the_profile_are_not_missed() -> None:
     link = LinkWatch(expected=False)
     link.process_heard(1.0)
     link.alive(2.0)

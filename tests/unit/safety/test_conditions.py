@@ -82,7 +82,7 @@ def test_clear_when_all_is_well(code: str, active_action: SafetyAction) -> None:
 
 
 @pytest.mark.parametrize("code", CONDITIONS)
-def test_never_more_severe_than_the_contract_says(code: str) -> None:
+def test_action_is_at_most_that_of_the_contract(code: str) -> None:
     worst: dict[str, Any] = {
         "uptime_s": math.inf,
         "estop": "pressed",
@@ -122,7 +122,7 @@ def test_estop() -> None:
     assert find("ESTOP_PRESSED", estop="the button") == present(EMERGENCY, "the button")
 
 
-def test_drive_is_what_its_watch_found() -> None:
+def test_drive_condition_returns_the_finding_of_its_watch() -> None:
     found = Finding(Level.WAITING, STOP, None, "coming up")
     assert find("DRIVE_FAULT", drive=found) is found
     assert find("OVERSPEED", overspeed=found) is found
@@ -166,7 +166,7 @@ def test_tilt(active_action: SafetyAction) -> None:
     assert steep == present(EMERGENCY, f"inclination {limit_deg:.1f} deg")
 
 
-def test_slope_is_what_its_watch_found() -> None:
+def test_slope_condition_returns_the_finding_of_its_watch() -> None:
     for finding in (CLEAR, UNKNOWN, present(STOP, "inclination 12.0 deg, the motion is not downhill")):
         assert find("SLOPE", slope=finding) is finding
 
@@ -234,7 +234,7 @@ def test_battery(code: str, threshold: float, action: SafetyAction, limit: Speed
     assert find(code, action, battery=back - 0.01).level is Level.PRESENT
 
 
-def test_battery_that_says_nothing() -> None:
+def test_battery_without_messages() -> None:
     assert find("BATTERY_LOW", battery_age_s=5.0) == find("BATTERY_CRITICAL", battery_age_s=5.0) == CLEAR
     assert find("BATTERY_LOW", battery_age_s=5.1) == present(WARN, "/battery_state: silent for 5.10 s")
     assert find("BATTERY_CRITICAL", battery_age_s=5.1, battery=0.01) == UNKNOWN
@@ -345,7 +345,7 @@ def test_lidar_and_obstacles_that_fall_silent() -> None:
 
 @pytest.mark.parametrize("code", ["COLLISION_IMMINENT", "OBSTACLE_NEAR"])
 @pytest.mark.parametrize("active_action", [NONE, LIMIT, STOP])
-def test_without_obstacles_nobody_can_judge(code: str, active_action: SafetyAction) -> None:
+def test_collision_is_unknown_without_obstacles(code: str, active_action: SafetyAction) -> None:
     assert find(code, active_action, prediction=None) == UNKNOWN
 
 
@@ -412,7 +412,7 @@ def test_obstacle_near(active_action: SafetyAction, seen: CollisionPrediction, e
         assert found.limit.angular_radps == expected.limit.angular_radps
 
 
-def test_no_faster_than_what_is_seen_of_the_way_lets_it_stop() -> None:
+def test_speed_limit_stops_within_the_seen_path() -> None:
     def limit(seen: CollisionPrediction | None) -> SpeedLimit | None:
         return unseen_limit(replace(WELL, prediction=seen), PARAMS)
 
@@ -426,7 +426,7 @@ def test_no_faster_than_what_is_seen_of_the_way_lets_it_stop() -> None:
     assert found.angular_radps == pytest.approx(found.linear_mps / 0.4)
 
 
-def test_no_faster_than_to_stop_where_known_ground_ends() -> None:
+def test_speed_limit_stops_at_the_end_of_known_ground() -> None:
     for clearance_m, unseen_m, linear_mps in (
         (0.1, math.inf, 0.0),
         (0.1, 0.1, 0.0),
@@ -440,7 +440,7 @@ def test_no_faster_than_to_stop_where_known_ground_ends() -> None:
         assert found.angular_radps == pytest.approx(2.0 * linear_mps)
 
 
-def test_who_has_no_obstacles_has_no_limit_by_what_is_seen() -> None:
+def test_without_obstacles_no_unseen_limit_applies() -> None:
     rows = tuple(code for code in PARAMS.rows if code != "OBSTACLES_TIMEOUT")
     ends = replace(FREE_WAY, unseen=Approach(1.0, 1.5))
     assert unseen_limit(replace(WELL, prediction=ends), PARAMS.model_copy(update={"rows": rows})) is None
@@ -470,7 +470,7 @@ def test_while_sight_is_stale_a_fast_robot_stops_and_a_slow_one_stays_slow(measu
         assert stale_sight_limit(replace(now, sight_age_s=age_s), PARAMS) == limit
 
 
-def test_who_has_no_obstacles_has_no_sight_that_could_be_stale() -> None:
+def test_without_obstacles_sight_is_never_stale() -> None:
     blind = replace(WELL, sight_age_s=math.inf, prediction=None)
     assert stale_sight_limit(blind, PARAMS) is None
     rows = tuple(code for code in PARAMS.rows if code != "OBSTACLES_TIMEOUT")

@@ -32,7 +32,7 @@ def test_it_begins_where_the_robot_stands_and_stands() -> None:
     assert dead_reckoning.twist == ZERO_TWIST
 
 
-def test_it_goes_with_the_twist_and_not_over_gaps() -> None:
+def test_dead_reckoning_integrates_the_twist_and_skips_gaps() -> None:
     dead_reckoning = DeadReckoning(0.3)
     twist = Twist2(1.0, 0.0, 0.0)
     dead_reckoning.update(twist, 5.0)

@@ -58,7 +58,7 @@ def test_a_change_starts_the_next_time_at_zero() -> None:
 
 
 @pytest.mark.parametrize("back_s", [0.0, 1.5])
-def test_time_that_runs_backwards_changes_nothing(back_s: float) -> None:
+def test_time_running_backwards_is_ignored(back_s: float) -> None:
     contact = _settled(True, at_s=1.9)
     contact.update(False, 2.0)
     assert not contact.update(False, back_s)

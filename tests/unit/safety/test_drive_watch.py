@@ -59,7 +59,7 @@ def test_waits_for_the_engine_and_then_gives_up() -> None:
     assert drives.watch.judge(False, True, 24.001) == fault(NO_ENGINE)
 
 
-def test_the_first_look_proves_nothing() -> None:
+def test_first_status_alone_does_not_settle() -> None:
     drives = Drives()
     assert drives.look(17.0) == waiting(NO_ENGINE)
     assert drives.look(17.0) == waiting("settling")
@@ -85,7 +85,7 @@ def test_settling_begins_when_the_stack_is_complete() -> None:
     assert drives.look(18.25) == CLEAR
 
 
-def test_once_up_it_needs_nobody_else() -> None:
+def test_drive_that_is_up_needs_no_other_input() -> None:
     drives = Drives().up()
     assert drives.look(17.1, complete=False) == CLEAR
     drives.watch.released(17.1)
@@ -172,7 +172,7 @@ def test_a_servo_off_is_a_fault_after_its_time() -> None:
     assert drives.look(18.4, OFF) == unknown
 
 
-def test_a_servo_off_in_an_emergency_is_asked() -> None:
+def test_servo_off_during_an_emergency_stop_is_expected() -> None:
     drives = Drives().up()
     assert drives.look(18.0, OFF, emergency=True) == CLEAR
     assert drives.look(28.0, OFF, emergency=True) == CLEAR

@@ -18,7 +18,7 @@ LATCH = load_robot().latch
 
 
 @pytest.mark.parametrize("contact", Contact)
-def test_each_axis_and_the_button_as_the_engine_tells_them(contact: Contact) -> None:
+def test_axes_and_button_follow_the_engine_status(contact: Contact) -> None:
     status = empty_snapshot(4)
     status.flags[Flag.SERVO_ON] = (1, 0, 0, 0)
     status.flags[Flag.AMP_ALARM] = (0, 1, 0, 0)

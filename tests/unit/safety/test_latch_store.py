@@ -69,7 +69,7 @@ def test_round_trip(disk: Disk, memory: Memory) -> None:
     assert disk.load() == memory
 
 
-def test_the_first_start_ever_knows_of_nothing_and_leaves_both_copies(disk: Disk) -> None:
+def test_first_start_has_an_empty_memory_and_writes_both_copies(disk: Disk) -> None:
     store = disk.store()
     assert store.load() == Memory()
     store.save(Memory())
@@ -78,7 +78,7 @@ def test_the_first_start_ever_knows_of_nothing_and_leaves_both_copies(disk: Disk
     assert not disk.folder.with_name("safety.new").exists()
 
 
-def test_only_what_is_new_is_saved_again(disk: Disk) -> None:
+def test_only_changed_memory_is_saved(disk: Disk) -> None:
     store = disk.store()
     store.save(LATCHED)
     disk.shadow.unlink()
@@ -88,7 +88,7 @@ def test_only_what_is_new_is_saved_again(disk: Disk) -> None:
     assert disk.load() == Memory()
 
 
-def test_the_first_memory_is_new_whatever_is_stored(disk: Disk) -> None:
+def test_first_memory_is_always_saved(disk: Disk) -> None:
     disk.saved(LATCHED)
     disk.shadow.unlink()
     disk.store().save_if_new(LATCHED)
@@ -99,13 +99,13 @@ def test_an_unknown_past_is_an_emergency_with_a_passenger() -> None:
     assert Memory(("ESTOP_PRESSED",), True) == UNKNOWN_PAST
 
 
-def test_a_logout_that_clears_the_memory_forgets_nothing(disk: Disk) -> None:
+def test_missing_shadow_copy_keeps_the_latch(disk: Disk) -> None:
     disk.saved(LATCHED)
     shutil.rmtree(disk.shadow.parent)
     assert disk.load() == LATCHED
 
 
-def test_a_crash_before_the_disk_has_it_forgets_nothing(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_crash_before_the_write_keeps_the_latch(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
     store = disk.saved(Memory())
     monkeypatch.setattr(latch_store, "_write_through", _full)
     store.save(LATCHED)
@@ -115,7 +115,7 @@ def test_a_crash_before_the_disk_has_it_forgets_nothing(disk: Disk, monkeypatch:
 
 
 @pytest.mark.parametrize("name", COPIES)
-def test_one_copy_that_is_gone_takes_nothing_away(disk: Disk, name: str) -> None:
+def test_missing_copy_keeps_the_latch(disk: Disk, name: str) -> None:
     disk.saved(LATCHED)
     disk.shadow.unlink()
     (disk.folder / name).unlink()
@@ -144,14 +144,14 @@ def test_the_newest_of_several_counts(disk: Disk) -> None:
     assert disk.load() == LATCHED
 
 
-def test_a_store_goes_on_counting_where_the_last_one_ended(disk: Disk) -> None:
+def test_store_continues_the_sequence_number(disk: Disk) -> None:
     disk.saved(LATCHED, Memory())
     disk.saved(Memory((), True))
     assert decode((disk.folder / COPIES[0]).read_bytes()).generation == 3
 
 
 @pytest.mark.parametrize("broken", ["gone", "nonsense", "unreadable"])
-def test_nothing_readable_where_there_should_be_something_is_an_unknown_past(disk: Disk, broken: str) -> None:
+def test_unreadable_copies_are_an_unknown_past(disk: Disk, broken: str) -> None:
     disk.saved(Memory())
     disk.shadow.unlink()
     for name in COPIES:
@@ -225,7 +225,7 @@ def test_a_link_is_no_copy(disk: Disk, tmp_path: Path) -> None:
     assert disk.load() == Memory(("TILT", "ESTOP_PRESSED"), True)
 
 
-def test_a_folder_that_nobody_may_look_into_is_no_first_start(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreadable_folder_is_no_first_start(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: Any, **__: Any) -> Any:
         raise PermissionError("no")
 
@@ -252,13 +252,13 @@ GOOD = {"generation": 1, "latched": ["TILT"], "passenger": False, "presses": []}
         {"presses": None},
     ],
 )
-def test_what_makes_no_sense_is_no_record(changes: dict[str, Any]) -> None:
+def test_inconsistent_record_is_rejected(changes: dict[str, Any]) -> None:
     assert decode(_signed(GOOD)).memory == Memory(("TILT",))
     with pytest.raises(ValueError, match="sense"):
         decode(_signed({**GOOD, **changes}))
 
 
-def test_it_is_said_what_is_wrong_with_a_record() -> None:
+def test_problem_of_a_record_is_reported() -> None:
     body, checksum, _ = _signed(GOOD).split(b"\n", 2)
     with pytest.raises(ValueError, match=r"^the checksum is wrong$"):
         decode(body + b" \n" + checksum + b"\n")
@@ -268,7 +268,7 @@ def test_it_is_said_what_is_wrong_with_a_record() -> None:
         decode(_signed({**GOOD, "passenger": 0}))
 
 
-def test_what_a_longer_record_has_left_behind_a_shorter_one_is_not_read() -> None:
+def test_remains_of_a_longer_record_are_not_read() -> None:
     """Power fails after the write and before the file is truncated."""
     many = Memory(presses=tuple(Press(f"source {index}", index) for index in range(300)))
     short = encode(Record(2, LATCHED))
@@ -322,7 +322,7 @@ def _full(*_: Any) -> None:
     raise OSError(28, "No space left on device")
 
 
-def test_a_disk_that_takes_nothing_is_told_until_it_does(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failing_disk_is_reported_until_it_recovers(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
     store = disk.saved(Memory())
     assert store.problem() == ""
     with monkeypatch.context() as patch:
@@ -338,7 +338,7 @@ def test_a_disk_that_takes_nothing_is_told_until_it_does(disk: Disk, monkeypatch
     assert not disk.worker.busy
 
 
-def test_a_disk_that_hangs_is_told_from_when_the_first_record_waits(disk: Disk) -> None:
+def test_hanging_disk_is_reported_since_the_first_pending_record(disk: Disk) -> None:
     store = disk.store(slow_s=30.0)
     assert store.problem() == ""
     store.save(LATCHED)
@@ -371,7 +371,7 @@ def test_each_record_has_its_own_time_to_get_to_the_disk(disk: Disk) -> None:
         disk.worker.finish()
 
 
-def test_what_comes_during_a_write_is_written_at_once(disk: Disk) -> None:
+def test_record_during_a_write_is_written_next(disk: Disk) -> None:
     store = disk.saved(Memory())
     store.save(Memory((), True))
     disk.worker.start()
@@ -384,7 +384,7 @@ def test_what_comes_during_a_write_is_written_at_once(disk: Disk) -> None:
     assert not disk.worker.busy, "the newest record is written once"
 
 
-def test_what_comes_during_a_write_that_fails_is_written_at_once(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_record_during_a_failing_write_is_written_next(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
     store = disk.saved(Memory())
     with monkeypatch.context() as patch:
         patch.setattr(latch_store, "_write_through", _full)
@@ -398,7 +398,7 @@ def test_what_comes_during_a_write_that_fails_is_written_at_once(disk: Disk, mon
     assert disk.copies() == [LATCHED, LATCHED]
 
 
-def test_a_disk_that_takes_nothing_is_left_alone_for_a_while(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failing_disk_is_retried_after_a_pause(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(latch_store, "_write_through", _full)
     store = disk.store()
     store.save(LATCHED)
@@ -437,7 +437,7 @@ def test_a_first_start_that_was_cut_off_is_begun_again(disk: Disk) -> None:
     assert not beside.exists()
 
 
-def test_nobody_else_may_read_or_write_the_latch(disk: Disk) -> None:
+def test_latch_file_is_private_to_its_user(disk: Disk) -> None:
     before = os.umask(0)
     try:
         disk.saved(LATCHED)
@@ -465,7 +465,7 @@ def test_a_file_system_that_syncs_no_folders(tmp_path: Path, monkeypatch: pytest
     assert (tmp_path / "copy").read_bytes() == b"data"
 
 
-def test_a_runtime_folder_that_takes_nothing_is_told(disk: Disk) -> None:
+def test_failing_runtime_folder_is_reported(disk: Disk) -> None:
     shutil.rmtree(disk.shadow.parent)
     store = disk.saved(LATCHED)
     assert "safety_latch" in store.problem()
@@ -493,7 +493,7 @@ def test_a_copy_is_overwritten_in_place_and_to_the_disk(disk: Disk, monkeypatch:
     assert synced == inodes == [(disk.folder / name).stat().st_ino for name in COPIES]
 
 
-def test_the_last_word_is_written_at_the_end(disk: Disk) -> None:
+def test_last_record_is_written_at_the_end(disk: Disk) -> None:
     store = disk.store()
     store.save(LATCHED)
     disk.worker.start()
@@ -503,7 +503,7 @@ def test_the_last_word_is_written_at_the_end(disk: Disk) -> None:
     assert disk.copies() == [Memory((), True)] * 2
 
 
-def test_a_disk_that_took_nothing_gets_a_last_chance(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_write_is_retried_at_the_end(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
     store = disk.store()
     with monkeypatch.context() as patch:
         patch.setattr(latch_store, "_write_through", _full)
@@ -513,7 +513,7 @@ def test_a_disk_that_took_nothing_gets_a_last_chance(disk: Disk, monkeypatch: py
     assert disk.copies() == [LATCHED, LATCHED]
 
 
-def test_what_is_on_the_disk_is_not_written_again_at_the_end(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stored_record_is_not_rewritten_at_the_end(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
     store = disk.saved(LATCHED)
     monkeypatch.setattr(latch_store, "_write_through", lambda *_: pytest.fail("written again"))
     store.close()

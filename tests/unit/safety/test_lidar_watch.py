@@ -48,7 +48,7 @@ def test_returns_of_the_whole_sweep(of: int, expected: str) -> None:
     assert problem(*WHOLE, of=of) == expected
 
 
-def test_a_sample_of_nothing_or_of_one() -> None:
+def test_sample_of_zero_or_one_point() -> None:
     assert problem() == "covered: 0 returns, at least 1000 needed"
     assert problem((8.0, 0.0, 0.0), limits=LIMITS.model_copy(update={"sectors": 1})) == ""
 

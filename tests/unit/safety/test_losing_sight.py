@@ -60,7 +60,7 @@ def test_one_cloud_ends_the_limit_of_stale_sight() -> None:
     story.run(0.05).expect(NORMAL, (), linear_mps=1.5, reason="")
 
 
-def test_the_way_of_a_cloud_to_the_monitor_counts() -> None:
+def test_transport_delay_of_a_cloud_counts() -> None:
     """20 clouds/s arrive on time. While their latency is above the limit, sight is stale."""
     story = riding()
     story.obstacles = None
@@ -71,7 +71,7 @@ def test_the_way_of_a_cloud_to_the_monitor_counts() -> None:
         story.expect(NORMAL, (), linear_mps=0.0 if reason else 1.5, reason=reason)
 
 
-def test_with_stale_sight_a_slow_robot_may_be_as_fast_as_where_nothing_is_seen() -> None:
+def test_stale_sight_limits_a_slow_robot_to_the_unseen_speed() -> None:
     story = riding()
     story.wheel_radps = 0.25 / ROBOT.wheel_radius_m
     story.obstacles = None
@@ -118,7 +118,7 @@ def test_without_perception_the_robot_brakes_hard_and_its_last_map_is_judged_unt
     assert math.isnan(story.monitor.nearest_obstacle_m)
 
 
-def test_obstacles_that_never_came_are_not_judged() -> None:
+def test_obstacles_never_received_raise_no_stale_sight() -> None:
     story = Story()
     story.obstacles = None
     story.driven = RIDE
@@ -128,7 +128,7 @@ def test_obstacles_that_never_came_are_not_judged() -> None:
 
 
 @pytest.mark.parametrize("before_m", [0.25, 0.5, 0.75])
-def test_a_chair_that_is_assumed_hides_nobody(before_m: float) -> None:
+def test_assumed_chair_hides_no_obstacle(before_m: float) -> None:
     story = Story().healthy()
     story.monitor.observation.chair.stated(LatchStatement(attached=False, undocking=False), story.now_s)
     story.monitor.observation.chair.said(True)
@@ -140,7 +140,7 @@ def test_a_chair_that_is_assumed_hides_nobody(before_m: float) -> None:
     story.run(0.1).expect(AVOIDANCE, ("COLLISION_IMMINENT", "OBSTACLE_NEAR"), linear_mps=0.0)
 
 
-def test_who_sits_in_a_chair_on_the_closed_latch_is_no_obstacle() -> None:
+def test_passenger_on_the_closed_latch_is_no_obstacle() -> None:
     story = Story().carry().healthy()
     assert story.latch == CLOSED
     story.obstacles = things(BUMPER_M + 0.5)

@@ -13,7 +13,7 @@ from robot_stack.safety.monitor import Memory, SafetyMonitor
 from tests.unit.safety.story import PARAMS, ROBOT, Story
 
 
-def test_before_its_first_step_nobody_knows_the_nearest_obstacle() -> None:
+def test_nearest_obstacle_is_unknown_before_the_first_step() -> None:
     assert math.isnan(SafetyMonitor(PARAMS, ROBOT, Memory(), 0.0).nearest_obstacle_m)
 
 

@@ -31,7 +31,7 @@ def observation(*, passenger: bool = False, robot: Robot = ROBOT) -> Observation
     return Observation(PARAMS, robot, 0.0, passenger, PRESSES)
 
 
-def test_what_is_remembered_is_known_from_the_start() -> None:
+def test_stored_state_is_available_from_the_start() -> None:
     assert observation().sources.presses == PRESSES
     assert observation(passenger=True).chair.carried is True
     assert observation(passenger=False).chair.carried is False
@@ -77,7 +77,7 @@ def test_a_passenger_s_gentle_stop_is_waited_for() -> None:
     assert alone < too_fast_after_s(observation(passenger=True, robot=robot), hard=False) - 0.5
 
 
-def test_drives_that_are_off_because_somebody_asks_for_the_stop_are_well() -> None:
+def test_servo_off_during_a_requested_stop_is_no_fault() -> None:
     """In the step of the request itself, before anything is latched."""
     story = Story().healthy()
     found, now_s = story.monitor.observation, story.now_s + 0.01
@@ -88,7 +88,7 @@ def test_drives_that_are_off_because_somebody_asks_for_the_stop_are_well() -> No
     assert found.snapshot(False, now_s).drive.level is Level.CLEAR
 
 
-def test_all_who_ask_for_the_stop_are_named() -> None:
+def test_all_sources_of_the_stop_are_named() -> None:
     story = Story().healthy()
     story.reporting.discard("emergency_stop_button")
     story.run(2.0).estop(True)
@@ -96,7 +96,7 @@ def test_all_who_ask_for_the_stop_are_named() -> None:
     assert re.fullmatch(r"[^;]*touch_ui[^;]*; no message from emergency_stop_button for \d\.\d\d s", asked), asked
 
 
-def test_obstacles_of_just_the_limit_s_age_are_known() -> None:
+def test_obstacles_at_exactly_the_age_limit_are_fresh() -> None:
     found = observation()
     found.obstacles(NOTHING, 0.0, 0.0)
     limit_s = stale_s(topics.OBSTACLES)
@@ -107,7 +107,7 @@ def test_obstacles_of_just_the_limit_s_age_are_known() -> None:
     assert found.snapshot(False, limit_s + 0.01).prediction is not None  # the robot keeps rolling
 
 
-def test_a_docking_that_says_nothing_any_more_excuses_no_dock() -> None:
+def test_stale_docking_target_excludes_no_dock() -> None:
     found = observation()
     found.docking("SERVOING", 0.0)
     limit_s = stale_s(topics.DOCKING_STATUS)
@@ -133,7 +133,7 @@ class MeetingRecorder:
         return PedestrianCollision(stop=True)
 
 
-def test_who_moves_is_judged_by_what_the_drive_does_and_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_moving_objects_are_evaluated_against_actual_and_requested_motion(monkeypatch: pytest.MonkeyPatch) -> None:
     found, recorder = observation(), MeetingRecorder()
     monkeypatch.setattr(found, "_pedestrian_collision", recorder)
     found.obstacles(NOTHING, 0.0, 1.0)
@@ -149,7 +149,7 @@ def test_who_moves_is_judged_by_what_the_drive_does_and_is_asked(monkeypatch: py
     assert recorder.motions == [ZERO_TWIST, driven]
 
 
-def test_cameras_have_half_a_second_to_come_once_docking_looks() -> None:
+def test_cameras_have_half_a_second_after_docking_starts() -> None:
     """Images from before the search do not count, since a camera may have been switched on for this docking."""
     story = Story().healthy()
     story.cameras = [CAMERAS[0].name]

@@ -17,7 +17,7 @@ OWN = SpeedLimit(1.5, 1.0)
 TICK_S = 0.0625
 
 
-def test_permitted_falls_after_the_notice_and_rises_at_once() -> None:
+def test_permitted_speed_falls_after_the_notice_and_rises_at_once() -> None:
     speed = PermittedSpeed(1.5)
     seen = [speed.update(0.5, 0.125, 2.0, tick * TICK_S) for tick in range(14)]
     assert seen == [1.5, 1.5, 1.5, 1.375, 1.25, 1.125, 1.0, 0.875, 0.75, 0.625, 0.5, 0.5, 0.5, 0.5]
@@ -91,7 +91,7 @@ def test_a_turn_is_expected_to_end_with_its_own_deceleration() -> None:
     assert took_s == pytest.approx(0.25 + jerk_s + ramp_s + 0.25, abs=2 * TICK_S)
 
 
-def test_a_limit_that_has_long_been_reached_gives_notice_when_it_falls_again() -> None:
+def test_falling_limit_gives_notice_again() -> None:
     speed = PermittedSpeed(1.0)
     for tick in range(100):
         speed.update(1.0, 0.125, 2.0, tick * TICK_S)

@@ -38,12 +38,12 @@ def judge(
     return watch.judge(moving, nearest_m, BODY, [request if does is None else does], request, 10.0)
 
 
-def test_nobody_and_a_robot_that_is_asked_nothing() -> None:
+def test_no_pedestrian_or_no_request_is_no_collision() -> None:
     assert judge(NONE) == PedestrianCollision()
     assert judge(who(0.6, 0.0, -1.0, 0.0), ZERO_TWIST) == PedestrianCollision()
 
 
-def test_who_comes_from_the_side_into_the_place_where_the_robot_will_be() -> None:
+def test_pedestrian_from_the_side_enters_the_predicted_footprint() -> None:
     """From 1 m/s the robot stops within 0.6 m. At 1.2 m/s a person 2.4 m to the side is in front of it after 1.7 s."""
     far, near = who(2.0, 2.4, 0.0, -1.2), who(1.0, 1.2, 0.0, -1.2)
     assert not judge(far).stop
@@ -61,7 +61,7 @@ def test_the_nearer_the_slower_then_stop() -> None:
     assert any(0.0 < limit < SLOW.vx for limit in limits)
 
 
-def test_who_stands_or_goes_past_or_away_is_nobody() -> None:
+def test_standing_passing_and_leaving_pedestrians_are_ignored() -> None:
     for moving in (
         who(1.5, 0.9, -1.5, 0.0),  # passes 0.55 m to the side
         who(-1.5, -0.9, 1.6, 0.0),  # overtakes
@@ -71,18 +71,18 @@ def test_who_stands_or_goes_past_or_away_is_nobody() -> None:
         assert judge(moving, SLOW) == PedestrianCollision()
 
 
-def test_who_walks_behind_as_fast_is_not_braked_before() -> None:
+def test_pedestrian_following_at_equal_speed_causes_no_braking() -> None:
     assert judge(who(-0.9, 0.0, 1.0, 0.0)) == PedestrianCollision()
     assert judge(who(-1.0, 0.0, 1.8, 0.0)).stop  # runs into the robot
 
 
-def test_who_runs_into_a_robot_that_backs_off_or_turns() -> None:
+def test_pedestrian_running_into_a_reversing_or_turning_robot() -> None:
     assert judge(who(1.0, 0.0, -1.5, 0.0), BACK).stop
     assert judge(who(0.0, 1.0, 0.0, -1.0), TURN).stop
     assert judge(who(0.0, 2.5, 0.0, 1.0), TURN) == PedestrianCollision()
 
 
-def test_what_the_robot_does_counts_beside_what_it_is_asked() -> None:
+def test_actual_motion_is_evaluated_besides_the_request() -> None:
     """The robot is asked to reverse but still drives forward."""
     crossing = who(1.0, 0.7, 0.0, -1.0)
     assert judge(crossing, BACK, does=AHEAD).stop
@@ -95,7 +95,7 @@ def test_a_limit_is_of_the_footprints_fastest_place() -> None:
     assert 0.0 < turning.speed_mps < BODY.reach()
 
 
-def test_who_has_come_is_given_time_to_go_on_as_long_as_something_is_beside_the_robot() -> None:
+def test_robot_waits_for_an_arrived_pedestrian_while_an_object_is_beside_it() -> None:
     watch = PedestrianCollisionWatch(P, BRAKE_MPS2)
 
     def stop(moving: NDArray[np.float64], nearest_m: float, now_s: float) -> bool:
@@ -107,7 +107,7 @@ def test_who_has_come_is_given_time_to_go_on_as_long_as_something_is_beside_the_
     assert not stop(NONE, 0.1, 10.0 + P.hold_s + 0.01)
 
 
-def test_who_was_never_near_is_not_waited_for() -> None:
+def test_robot_does_not_wait_for_a_distant_pedestrian() -> None:
     watch = PedestrianCollisionWatch(P, BRAKE_MPS2)
     assert watch.judge(who(2.4, 0.0, -2.0, 0.0), 9.0, BODY, [AHEAD], AHEAD, 10.0).stop
     assert not watch.judge(NONE, 0.2, BODY, [AHEAD], AHEAD, 10.1).stop
@@ -121,7 +121,7 @@ def test_exactly_the_time_to_go_on_is_still_waited() -> None:
 
 
 @pytest.mark.parametrize(("nearer_m", "comes"), [(0.01, True), (-0.01, False)])
-def test_who_will_be_there_soon_has_walked_up(nearer_m: float, comes: bool) -> None:
+def test_pedestrian_arriving_soon_counts_as_arrived(nearer_m: float, comes: bool) -> None:
     """Within ahead_s, including the drift margin."""
     watch = PedestrianCollisionWatch(P, BRAKE_MPS2)
     away_m = P.margin_m + (0.8 + P.drift_mps) * P.ahead_s - nearer_m
@@ -158,7 +158,7 @@ def test_a_margin_counts_as_touched() -> None:
     assert not watch._touches(who(0.0, 0.626, 0.0, 0.0), Outline(0.5, -0.5, 0.5), SLOW, 1.0, 0.0)
 
 
-def test_a_twist_of_rounding_touches_nobody() -> None:
+def test_twist_of_rounding_error_causes_no_collision() -> None:
     assert judge(who(0.5, 0.0, 0.0, 0.0), Twist2(1e-9, 0.0, 0.0)) == PedestrianCollision()
 
 
@@ -178,7 +178,7 @@ def test_the_limit_is_the_greatest_speed_from_which_a_stop_need_not_be_now() -> 
     assert found >= {2, 3, 4}
 
 
-def test_what_it_does_is_judged_at_the_speed_it_does_it() -> None:
+def test_actual_motion_is_evaluated_at_its_speed() -> None:
     """At twice its speed the robot would touch the person ahead, whether standing or walking."""
     assert not judge(who(1.4, 0.0, 0.0, 0.0), BACK, does=AHEAD).stop
     behind_and_ahead = np.concatenate([who(-0.9, 0.0, 1.0, 0.0), who(1.0, 0.0, 1.5, 0.0)])
@@ -186,7 +186,7 @@ def test_what_it_does_is_judged_at_the_speed_it_does_it() -> None:
 
 
 @given(st.floats(-1.5, 1.5), st.floats(-1.0, 1.0), st.floats(-1.0, 1.0), st.floats(0.0, 3.0))
-def test_the_way_of_a_twist(vx: float, vy: float, omega: float, seconds: float) -> None:
+def test_path_of_a_twist(vx: float, vy: float, omega: float, seconds: float) -> None:
     twist = Twist2(vx, vy, omega)
     x, y, turned = _along(twist, np.array([seconds]))
     expected = exp_se2(twist, seconds)
@@ -206,7 +206,7 @@ def test_gaps_are_those_of_the_outline_at_each_moment(vx: float, vy: float, omeg
         assert gap_m == pytest.approx(BODY.distances(there)[0], abs=1e-9)
 
 
-def test_the_monitor_slows_and_stops_for_who_comes_from_the_side() -> None:
+def test_monitor_slows_and_stops_for_a_pedestrian_from_the_side() -> None:
     story = Story().healthy()
     story.request = story.driven = SLOW
     story.run(0.2).expect(SafetyState.NORMAL)
@@ -223,7 +223,7 @@ def test_the_monitor_slows_and_stops_for_who_comes_from_the_side() -> None:
     story.run(1.0).expect(SafetyState.NORMAL)
 
 
-def test_while_nobody_says_who_comes_the_robot_is_as_slow_as_where_nothing_is_seen() -> None:
+def test_without_moving_cloud_the_unseen_limit_applies() -> None:
     story = Story().healthy()
     story.request = story.driven = AHEAD
     story.run(0.2)

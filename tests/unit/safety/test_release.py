@@ -21,7 +21,7 @@ NOT_STILL = "the robot is not at standstill (every wheel below 0.05 m/s for 0.3 
 STILL_TRUE = "ESTOP_PRESSED: pressed by touch_ui"
 
 
-def test_nothing_latched_nothing_to_reset() -> None:
+def test_reset_without_a_latched_fault_is_refused() -> None:
     story = Story().healthy()
     assert story.reset() == ResetAnswer(True, "no emergency stop is latched")
     story.expect(NORMAL, ())
@@ -33,7 +33,7 @@ def test_pressed() -> None:
     story.expect(EMERGENCY)
 
 
-def test_a_false_of_another_source_releases_nothing() -> None:
+def test_false_of_another_source_does_not_release() -> None:
     story = Story().healthy().estop(True).estop(True, "supervisor").run(1.0).estop(False, "supervisor").run(1.0)
     assert story.reset() == ResetAnswer(False, f"refused: {STILL_TRUE}")
     story.estop(False, None).run(1.0)
@@ -42,7 +42,7 @@ def test_a_false_of_another_source_releases_nothing() -> None:
     assert story.reset().success
 
 
-def test_a_press_that_is_over_before_anybody_looks_latches() -> None:
+def test_press_shorter_than_a_tick_latches() -> None:
     story = Story().healthy()
     for pressed in (True, False):
         story.presses["touch_ui"], story.pressed["touch_ui"] = 1, pressed
@@ -95,7 +95,7 @@ def test_a_source_that_died_pressed_stays_pressed_until_cleared_by_name() -> Non
     assert story.reset().success
 
 
-def test_a_button_whose_process_is_dead_is_an_emergency_until_it_is_back() -> None:
+def test_dead_button_process_is_an_emergency_until_it_returns() -> None:
     story = Story().healthy()
     story.run(0.2 - (story.ticks % 20) * TICK_S)
     story.reporting.discard("emergency_stop_button")
@@ -197,7 +197,7 @@ def test_moving() -> None:
     assert story.reset().success
 
 
-def test_wheel_speeds_that_nobody_knows_are_no_standstill() -> None:
+def test_unknown_wheel_speeds_are_no_standstill() -> None:
     story = Story().healthy().estop(True).estop(False).run(1.0)
     story.wheel_radps = None
     story.run(0.09)
@@ -256,7 +256,7 @@ def test_the_stop_counts_even_if_it_arrives_with_the_reset() -> None:
     story.expect(EMERGENCY)
 
 
-def test_a_release_does_not_touch_what_is_not_latched() -> None:
+def test_release_keeps_faults_that_are_not_latched() -> None:
     story = Story().healthy()
     story.battery = 0.2
     story.estop(True).estop(False).run(1.0)
@@ -375,7 +375,7 @@ def test_released_servos(servo_on: bool) -> None:
     story.expect(NORMAL if servo_on else SafetyState.DEGRADED)
 
 
-def test_the_monitor_says_who_presses() -> None:
+def test_monitor_names_the_pressed_sources() -> None:
     story = Story().healthy()
     assert not story.monitor.pressed_by(story.now_s)
     story.estop(True)

@@ -39,7 +39,7 @@ def test_a_new_row_is_not_raised() -> None:
     assert row.active() is None
 
 
-def test_raised_at_once_and_cleared_when_gone_for_long_enough() -> None:
+def test_fault_is_raised_at_once_and_cleared_after_its_time() -> None:
     row = _going(1.0)
     row.update(BAD, 1.0)
     active = ActiveRow("GOING", SafetyAction.LIMIT, SafetyState.COLLISION_AVOIDANCE, LIMIT, "bad")
@@ -71,7 +71,7 @@ def test_the_clear_time_starts_again(between: Finding) -> None:
     assert row.active() is None
 
 
-def test_unknown_keeps_what_was() -> None:
+def test_unknown_finding_keeps_the_state() -> None:
     row = _going(0.0)
     row.update(WORSE, 1.0)
     row.update(UNKNOWN, 99.0)
@@ -85,7 +85,7 @@ def test_the_newest_finding_counts_while_it_is_raised() -> None:
         assert row.action is finding.action
 
 
-def test_a_latch_stays_when_the_condition_is_gone() -> None:
+def test_latch_stays_after_the_condition_ends() -> None:
     row = _latching()
     row.update(DEADLY, 1.0)
     assert row.latched
@@ -99,7 +99,7 @@ def test_a_latch_stays_when_the_condition_is_gone() -> None:
     assert row.active() is None
 
 
-def test_a_condition_that_nobody_can_judge_blocks_the_release() -> None:
+def test_unknown_condition_blocks_the_release() -> None:
     row = _latching()
     row.update(DEADLY, 1.0)
     row.update(UNKNOWN, 2.0)

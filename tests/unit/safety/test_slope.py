@@ -84,7 +84,7 @@ def test_a_course_is_downhill_up_to_an_angle_and_a_little_more_once_under_way() 
         assert limited(watch(STEEP_DEG, course(side * (more - 1e-6)))) is None
 
 
-def test_a_rest_ends_what_is_under_way() -> None:
+def test_standstill_ends_a_permitted_descent() -> None:
     watch, wide = Watch(), course(math.radians(P.angle_deg + 0.5 * P.angle_hysteresis_deg))
     watch(STEEP_DEG, course(0.0))
     assert limited(watch(STEEP_DEG, wide)) == DESCENT
@@ -111,7 +111,7 @@ def test_a_wheel_that_stands_still_in_a_turn_rolls_not_uphill(turn: float, expec
     assert limited(sideways) == expected
 
 
-def test_what_is_asked_and_what_is_done_must_both_lead_downhill() -> None:
+def test_request_and_motion_must_both_lead_downhill() -> None:
     down, up = course(0.0), course(math.pi)
     found = Watch()(STEEP_DEG, down, down)
     assert (limited(found), found.detail) == (DESCENT, "inclination 12.0 deg, downhill")
@@ -120,7 +120,7 @@ def test_what_is_asked_and_what_is_done_must_both_lead_downhill() -> None:
         assert limited(Watch()(STEEP_DEG, *motions)) is None
 
 
-def test_a_robot_that_is_asked_nothing_may_be_asked_unless_it_was_just_refused() -> None:
+def test_robot_without_request_is_permitted_unless_recently_refused() -> None:
     watch = Watch()
     assert limited(watch(STEEP_DEG)) == DESCENT
     assert limited(watch(STEEP_DEG, course(math.pi))) is None
@@ -137,7 +137,7 @@ def test_a_robot_that_is_asked_nothing_may_be_asked_unless_it_was_just_refused()
 
 
 @given(deg=st.floats(11.6, 80.0), downhill=bearings, heading=bearings, speed=st.floats(0.01, 2.0))
-def test_only_what_goes_down_is_ever_allowed(deg: float, downhill: float, heading: float, speed: float) -> None:
+def test_only_downhill_motion_is_permitted(deg: float, downhill: float, heading: float, speed: float) -> None:
     found = Watch()(deg, course(heading, speed), downhill_rad=downhill)
     off_deg = abs(math.degrees(wrap_angle(heading - downhill)))
     if off_deg > P.angle_deg + 1e-6:
@@ -157,7 +157,7 @@ def test_no_history_traps_a_robot_at_10_deg(degs: list[float], ramp: float, head
 
 @pytest.mark.parametrize("deg", [11.6, 14.9, 40.0])
 @given(motions=st.lists(bearings, max_size=20))
-def test_no_history_bars_the_way_down(deg: float, motions: list[float]) -> None:
+def test_downhill_motion_is_permitted_after_any_history(deg: float, motions: list[float]) -> None:
     watch = Watch()
     for heading in motions:
         watch(deg, course(heading))

@@ -96,7 +96,7 @@ def test_commands_that_are_old_or_no_commands_are_not_compared() -> None:
     assert found.judge(0.51 + STALE_S + TINY) == CLEAR
 
 
-def test_nothing_measured_is_no_fault() -> None:
+def test_missing_measurement_is_no_fault() -> None:
     found = watch()
     found.commanded([0.0] * 4, 0.0)
     assert found.judge(0.0) == CLEAR

@@ -59,7 +59,7 @@ def test_a_press_stands_until_its_own_release(order: str) -> None:
     assert bench.after(2 * EXPLAIN_S).standing == ""
 
 
-def test_a_release_of_another_ends_nothing() -> None:
+def test_release_of_another_source_ends_no_press() -> None:
     bench = Bench().says("a", True).says("b", True).says("b", False)
     assert bench.standing == "pressed by a"
     assert bench.nobody_says(False).standing == "pressed by a"
@@ -70,7 +70,7 @@ def test_a_press_needs_no_message_at_all() -> None:
     assert Bench().repeats("a", True).standing == "pressed by a"
 
 
-def test_a_report_says_the_same_again_and_again() -> None:
+def test_repeated_reports_change_no_press() -> None:
     bench = Bench().says("a", True)
     for _ in range(5):
         bench.after(0.2).repeats("a", True)
@@ -78,7 +78,7 @@ def test_a_report_says_the_same_again_and_again() -> None:
     assert bench.nobody_says(True).standing == f"pressed by a; {NO_AUTHOR}"  # a repeated report explains no other true
 
 
-def test_a_true_that_nobody_explains_is_unknown_and_is_cleared_by_name() -> None:
+def test_unexplained_true_is_unknown_and_cleared_by_name() -> None:
     bench = Bench().nobody_says(True).nobody_says(False)
     assert bench.standing == NO_AUTHOR
     assert bench.after(EXPLAIN_S).standing == NO_AUTHOR
@@ -91,7 +91,7 @@ def test_a_true_that_nobody_explains_is_unknown_and_is_cleared_by_name() -> None
     assert bench.sources.clear(UNKNOWN, bench.now_s) == "'unknown' is not pressed; pressed: no source"
 
 
-def test_what_has_waited_too_long_can_be_cleared_at_once() -> None:
+def test_overdue_unknown_press_is_clearable_at_once() -> None:
     bench = Bench().says("a", True).nobody_says(True).after(EXPLAIN_S + 0.01)
     assert bench.sources.clear("b", bench.now_s) == "'b' is not pressed; pressed: a, unknown"
     bench = Bench().nobody_says(True).after(EXPLAIN_S + 0.01)
@@ -106,7 +106,7 @@ def test_an_explanation_may_come_late_but_in_time() -> None:
     assert bench.after(5.0).standing == ""
 
 
-def test_a_report_whose_true_never_came_explains_no_later_one() -> None:
+def test_report_without_its_true_explains_no_later_true() -> None:
     bench = Bench()
     bench.sources.report(SourceReport("a", 1, 1, True), bench.now_s)
     bench.sources.report(SourceReport("a", 1, 1, False), bench.now_s)
@@ -128,7 +128,7 @@ def test_each_true_needs_a_press_of_its_own() -> None:
     assert bench.standing == "pressed by unknown"
 
 
-def test_one_report_may_tell_of_several_presses() -> None:
+def test_one_report_may_contain_several_presses() -> None:
     """The reports in between were lost."""
     bench = Bench().repeats("a", False).nobody_says(True).nobody_says(True)
     bench.sources.report(SourceReport("a", 1, 2, True), bench.now_s)
@@ -165,7 +165,7 @@ def test_the_first_report_of_a_process_that_came_after_the_monitor_explains_all_
     assert bench.after(2 * DISCOVERY_S).standing == ""
 
 
-def test_it_explains_no_more_than_its_own_and_none_that_came_long_before() -> None:
+def test_report_explains_only_its_own_recent_presses() -> None:
     bench = Bench().repeats("a", False, pid=1).nobody_says(True).nobody_says(True).nobody_says(True)
     bench.after(EXPLAIN_S + 0.1)
     bench.sources.report(SourceReport("a", 2, 2, True), bench.now_s)
@@ -209,7 +209,7 @@ def test_the_first_report_may_come_before_its_message() -> None:
     assert bench.after(EXPLAIN_S + 0.1).standing == "pressed by a (gone)"
 
 
-def test_who_falls_silent_stays_pressed_until_cleared_by_name() -> None:
+def test_silent_source_stays_pressed_until_cleared_by_name() -> None:
     bench = Bench().says("ui", True)
     assert bench.sources.clear("ui", bench.now_s) == "ui is running and reports that it is pressed: release it there"
     assert bench.after(STALE_S).standing == "pressed by ui"
@@ -220,7 +220,7 @@ def test_who_falls_silent_stays_pressed_until_cleared_by_name() -> None:
     assert bench.standing == ""
 
 
-def test_of_each_press_it_is_told_whether_its_source_is_there() -> None:
+def test_presence_of_the_source_is_reported_with_each_press() -> None:
     bench = Bench().says("ui", True).says("panel", True).says("button", False).nobody_says(True).after(STALE_S)
     assert bench.sources.presence(bench.now_s) == {"ui": Presence.THERE, "panel": Presence.THERE}
     bench.repeats("ui", True).after(EXPLAIN_S).repeats("ui", True)
@@ -229,18 +229,18 @@ def test_of_each_press_it_is_told_whether_its_source_is_there() -> None:
     assert parse_presence({"rows": "IMU_TIMEOUT", **describe_presence(wanted)}) == wanted
 
 
-def test_a_presence_that_says_nothing_known_is_not_to_be_cleared() -> None:
+def test_unknown_presence_value_is_not_clearable() -> None:
     described = describe_presence({"ui": Presence.GONE})
     assert parse_presence(dict.fromkeys(described, "?")) == {"ui": Presence.THERE}
 
 
-def test_a_source_that_started_anew_has_released_nothing() -> None:
+def test_restarted_source_has_not_released() -> None:
     bench = Bench().says("ui", True).after(STALE_S + 0.01).repeats("ui", False, pid=2)
     assert bench.standing == "pressed by ui (gone)"
     assert bench.sources.clear("ui", bench.now_s) == ""
 
 
-def test_a_source_that_started_anew_releases_its_own_press_alone() -> None:
+def test_restarted_source_releases_only_its_own_press() -> None:
     """Process A exits while pressed; process B of the same name presses and releases."""
     bench = Bench().says("ui", True).after(STALE_S + 0.01).says("ui", True, pid=2)
     assert bench.standing == "pressed by ui (gone), ui"
@@ -259,7 +259,7 @@ def test_two_processes_of_one_name_are_two_sources() -> None:
     assert bench.says("ui", False, pid=2).standing == ""
 
 
-def test_a_cleared_name_is_cleared_of_those_that_are_gone_alone() -> None:
+def test_clearing_a_name_affects_only_ended_processes() -> None:
     bench = Bench().says("ui", True).after(STALE_S + 0.01).says("ui", True, pid=2)
     assert bench.sources.clear("ui", bench.now_s) == ""
     assert bench.standing == "pressed by ui"
@@ -310,13 +310,13 @@ def test_sources_without_number_are_bounded_and_none_of_their_presses_is_lost() 
     assert bench.sources.clear(UNKNOWN, bench.now_s) == ""
 
 
-def test_fewer_presses_than_before_explain_nothing() -> None:
+def test_lower_press_count_explains_no_press() -> None:
     bench = Bench().says("a", True).nobody_says(True)
     bench.sources.report(SourceReport("a", 1, 0, True), bench.now_s)
     assert bench.standing == f"pressed by a; {NO_AUTHOR}"
 
 
-def test_what_stood_before_a_restart_stands_after_it() -> None:
+def test_presses_survive_a_restart() -> None:
     bench = Bench((Press("ui", 1), Press(UNKNOWN, 0)))
     assert bench.standing == "pressed by ui (gone), unknown"
     assert bench.repeats("ui", True).standing == "pressed by ui, unknown"
@@ -335,7 +335,7 @@ def test_age() -> None:
         max_size=30,
     )
 )
-def test_in_any_order_those_are_pressed_whose_last_word_was_true(words: list[tuple[str, bool, str]]) -> None:
+def test_pressed_sources_are_those_with_a_last_true_in_any_order(words: list[tuple[str, bool, str]]) -> None:
     bench = Bench()
     last: dict[str, bool] = {}
     for name, pressed, order in words:
@@ -346,7 +346,7 @@ def test_in_any_order_those_are_pressed_whose_last_word_was_true(words: list[tup
     assert UNKNOWN not in bench.standing
 
 
-def test_presence_is_asked_for_only_after_it_has_settled() -> None:
+def test_presence_is_evaluated_only_after_settling() -> None:
     presence = SourcePresence(silence_s=0.5, settle_s=1.0)
     assert presence.missing(math.inf, True, 0.0) is False
     assert not presence.missing(0.0, False, 1.0)  # still starting

@@ -63,7 +63,7 @@ def test_a_normal_start_never_latches() -> None:
     story.healthy()
 
 
-def test_a_machine_that_stutters_while_it_starts_latches_nothing() -> None:
+def test_stalls_during_start_up_latch_no_fault() -> None:
     story = Story()
     story.beating.discard("swerve_controller")
     for _ in range(10):
@@ -87,7 +87,7 @@ def test_a_process_that_is_not_critical_holds_no_start_up(lost: str) -> None:
 
 
 @pytest.mark.parametrize("code", ["DRIVE_FAULT", "JOINT_STATES_TIMEOUT"])
-def test_a_drive_that_never_comes_up_stops_and_then_latches(code: str) -> None:
+def test_drive_that_never_starts_stops_and_then_latches(code: str) -> None:
     story = Story()
     if code == "DRIVE_FAULT":
         story.communicating = None
@@ -120,7 +120,7 @@ def test_a_short_press_between_two_steps_counts() -> None:
     story.step().expect(EMERGENCY, ("ESTOP_PRESSED",))
 
 
-def test_release_alone_ends_nothing_and_reset_alone_ends_nothing() -> None:
+def test_release_needs_both_source_release_and_reset() -> None:
     story = Story().healthy().estop(True).run(1.0)
     refused = story.reset()
     assert not refused.success
@@ -174,7 +174,7 @@ def test_an_engine_that_falls_silent_latches(how: str) -> None:
     story.run(0.5).expect(NORMAL, ())
 
 
-def test_a_servo_that_goes_off_by_itself_latches() -> None:
+def test_uncommanded_servo_off_latches() -> None:
     story = Story().healthy().axis(7, servo_on=False)
     story.tick().before(PARAMS.drive_servo_off_s).expect(NORMAL)
     story.past().expect(EMERGENCY, ("DRIVE_FAULT",))
@@ -228,7 +228,7 @@ def test_joint_states_that_stop_latch_after_their_limit() -> None:
     story.expect(NORMAL, ())
 
 
-def test_a_silence_that_ended_before_anybody_looked_latches_too() -> None:
+def test_timeout_shorter_than_a_tick_latches() -> None:
     """The whole machine pauses. The first messages afterwards are fresh joint states."""
     story = Story().healthy()
     story.tick(0.09).expect(NORMAL, ())
@@ -350,7 +350,7 @@ def test_above_the_limit_a_released_robot_may_only_go_downhill() -> None:
     story.tick().expect(DEGRADED, ("SLOPE",), linear_mps=0.2)
 
 
-def test_whoever_was_refused_uphill_may_plan_again_after_a_while() -> None:
+def test_rejected_uphill_motion_may_be_planned_again_later() -> None:
     """Navigation requests nothing while the limit is zero, so a limit above zero must return for the way down."""
     story = Story().healthy()
     story.imu_tilt_deg = 12.5
@@ -376,7 +376,7 @@ def test_tilt_stays_until_level_again_and_reset() -> None:
     story.expect(NORMAL, ())
 
 
-def test_tilt_that_nobody_can_judge_any_more_is_not_released() -> None:
+def test_tilt_without_data_is_not_released() -> None:
     story = Story().healthy()
     story.imu_tilt_deg = 16.0
     story.run(SETTLED_S).expect(EMERGENCY, ("TILT", "SLOPE"))
@@ -493,7 +493,7 @@ FRONT, REAR = "/sensors/camera/front/camera_info", "/sensors/camera/rear/camera_
 
 @pytest.mark.parametrize("state", ["SEARCH", "SERVOING", "FINE_ALIGN"])
 @pytest.mark.parametrize("silent", [FRONT, REAR])
-def test_camera_that_falls_silent_while_docking_is_told(state: str, silent: str) -> None:
+def test_camera_timeout_while_docking_is_reported(state: str, silent: str) -> None:
     story = Story().healthy()
     story.docking, story.cameras = state, [FRONT, REAR]
     story.run(2.0).expect(NORMAL, ())
@@ -567,7 +567,7 @@ def test_a_critical_charge_outlives_the_battery_message() -> None:
 # --- several at once -------------------------------------------------------------------------------------------------
 
 
-def test_the_smallest_limit_wins_and_says_where_it_comes_from() -> None:
+def test_smallest_limit_applies_and_names_its_reason() -> None:
     story = Story().healthy()
     story.carry()
     story.battery, story.imu_tilt_deg = 0.1, None
@@ -616,7 +616,7 @@ def test_a_latch_of_a_row_that_is_switched_off_is_not_lost() -> None:
     story.expect(EMERGENCY, ("ESTOP_PRESSED",))
 
 
-def test_nothing_latched_means_an_empty_memory() -> None:
+def test_memory_is_empty_without_a_latched_fault() -> None:
     story = Story().healthy()
     assert story.monitor.memory == Memory()
     story.estop(True).axis(0, amp_alarm=True).tick()
@@ -663,7 +663,7 @@ def test_an_acceleration_is_no_slope() -> None:
 
 
 @pytest.mark.parametrize("how", ["silent", "frozen", "covered", "not finite"])
-def test_a_lidar_that_sees_nothing_new_stops_the_robot(how: str) -> None:
+def test_frozen_lidar_stops_the_robot(how: str) -> None:
     story = Story().healthy()
     if how == "frozen":
         story.sweep_frozen = True
@@ -679,7 +679,7 @@ def test_a_lidar_that_sees_nothing_new_stops_the_robot(how: str) -> None:
 
 
 @pytest.mark.parametrize("how", ["silent", "frozen", "covered"])
-def test_an_overhead_lidar_that_sees_nothing_new_stops_the_robot(how: str) -> None:
+def test_frozen_overhead_lidar_stops_the_robot(how: str) -> None:
     story = Story().healthy()
     if how == "frozen":
         story.overhead_frozen = True
@@ -699,7 +699,7 @@ def test_an_overhead_lidar_that_sees_nothing_new_stops_the_robot(how: str) -> No
 
 
 @pytest.mark.parametrize("how", ["silent", "not finite"])
-def test_obstacles_that_nobody_tells_stop_the_robot(how: str) -> None:
+def test_missing_obstacles_stop_the_robot(how: str) -> None:
     story = Story().healthy()
     story.obstacles = None if how == "silent" else np.full((5, 3), math.nan, np.float32)
     story.run(0.24).expect(NORMAL, ())
@@ -711,7 +711,7 @@ def test_obstacles_that_nobody_tells_stop_the_robot(how: str) -> None:
     assert story.monitor.nearest_obstacle_m == math.inf
 
 
-def test_surroundings_that_never_came_stop_the_robot() -> None:
+def test_surroundings_never_received_stop_the_robot() -> None:
     story = Story()
     story.sweep = story.overhead = story.obstacles = None
     story.run(3.0).expect(DEGRADED, ("LIDAR_TIMEOUT", "OBSTACLES_TIMEOUT"), linear_mps=0.0)
@@ -752,7 +752,7 @@ def test_the_nearer_the_slower_and_then_a_stop() -> None:
     assert story.monitor.details["COLLISION_IMMINENT"] == "collision in 0.9 s"
 
 
-def test_a_robot_that_is_held_stays_held_until_it_wants_something_else() -> None:
+def test_held_robot_stays_held_until_the_request_changes() -> None:
     """The robot does not stop and go in front of a wall; another direction is free after half a second."""
     story = Story().healthy()
     story.driven, story.request, story.obstacles = ZERO_TWIST, AHEAD, _wall(0.6)
@@ -833,7 +833,7 @@ def test_unknown_obstacles_neither_raise_nor_clear_a_collision() -> None:
 
 
 @pytest.mark.parametrize(("x_m", "linear_mps"), [(0.52, 0.3), (1.05, 0.93), (5.0, 1.5)])
-def test_no_faster_than_to_stop_within_what_is_seen(x_m: float, linear_mps: float) -> None:
+def test_speed_limit_stops_within_the_seen_space(x_m: float, linear_mps: float) -> None:
     """Unseen space limits the speed but is no fault, since it exists at every start."""
     story = Story().healthy()
     story.unseen = np.array([(x_m, y, 0.0) for y in np.arange(-0.5, 0.51, 0.05)], np.float32)
@@ -847,7 +847,7 @@ def test_no_faster_than_to_stop_within_what_is_seen(x_m: float, linear_mps: floa
     story.run(0.1).expect(NORMAL, (), linear_mps=1.5, reason="")
 
 
-def test_with_a_passenger_the_robot_stands_where_known_ground_ends() -> None:
+def test_robot_with_passenger_stops_at_the_end_of_known_ground() -> None:
     """This is no fault either. Reverse stays possible, and without a passenger the robot still creeps forward."""
     story = Story().healthy()
     story.no_ground = np.array([(1.54, y, 0.0) for y in np.arange(-0.5, 0.51, 0.05)], np.float32)
@@ -864,7 +864,7 @@ def test_with_a_passenger_the_robot_stands_where_known_ground_ends() -> None:
     story.run(0.1).expect(NORMAL, (), linear_mps=pytest.approx(0.56), reason="WAY_UNSEEN")
 
 
-def test_with_a_passenger_no_ground_is_known_without_a_message_that_says_so() -> None:
+def test_ground_is_unknown_without_a_message_with_a_passenger() -> None:
     story = Story().healthy()
     story.carry().no_ground = None
     story.request = story.driven = AHEAD
@@ -881,7 +881,7 @@ def test_the_turn_is_limited_as_the_farthest_corner_moves() -> None:
     assert story.verdict.limit.angular_radps == pytest.approx(0.3 / math.hypot(0.5, 0.35))
 
 
-def test_where_nobody_says_what_is_seen_the_robot_creeps() -> None:
+def test_without_unseen_cloud_the_robot_creeps() -> None:
     story = Story().healthy()
     story.request = story.driven = AHEAD
     story.run(0.3).expect(NORMAL, (), linear_mps=1.5)
@@ -889,7 +889,7 @@ def test_where_nobody_says_what_is_seen_the_robot_creeps() -> None:
     story.run(0.6).expect(NORMAL, (), linear_mps=pytest.approx(0.3), reason="WAY_UNSEEN")
 
 
-def test_a_robot_that_watches_no_surroundings_is_not_slowed_by_what_it_cannot_know() -> None:
+def test_robot_without_surroundings_rows_is_not_slowed() -> None:
     story = Story(rows=("ESTOP_PRESSED", "OBSTACLE_NEAR"))
     story.unseen = None
     story.request = story.driven = AHEAD
@@ -933,7 +933,7 @@ def test_a_busy_moment_is_no_busy_processor() -> None:
         story.run(0.1).expect(NORMAL, ())
 
 
-def test_a_computer_that_nobody_tells_of_is_no_fault_of_its_own() -> None:
+def test_missing_computer_status_raises_no_computer_fault() -> None:
     story = Story()
     story.usage = story.temperature_c = None
     story.healthy().run(20.0).expect(NORMAL, ())

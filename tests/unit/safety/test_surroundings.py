@@ -110,7 +110,7 @@ def test_a_cloud_of_just_the_window_s_age_belongs_to_the_picture() -> None:
     assert scene.see((-3.0, 0.0, 1.0)).known() == [[-3.0, 0.0, 1.0], [3.0, 0.0, 1.0]]
 
 
-def test_an_empty_cloud_is_fresh_and_shows_nothing() -> None:
+def test_empty_cloud_is_fresh_without_obstacles() -> None:
     scene = Scene().see()
     assert (scene.around.age_s(scene.now_s), scene.around.problem) == (0.0, "")
     assert scene.known() == []
@@ -140,7 +140,7 @@ def test_a_message_that_is_no_cloud() -> None:
     assert scene.around.age_s(scene.now_s + 1.0) == 1.0
 
 
-def test_what_is_within_the_body_is_the_body() -> None:
+def test_points_within_the_footprint_belong_to_the_robot() -> None:
     assert Scene().see((0.5, 0.0, 0.3), (0.0, -0.35, 0.3), (0.51, 0.0, 0.3)).known() == [[0.51, 0.0, 0.3]]
 
 
@@ -158,14 +158,14 @@ def test_the_nearest_of_a_column_beside_the_robot() -> None:
 
 
 @pytest.mark.parametrize("y_m", [0.61, 1.11, -0.74, -0.14])
-def test_columns_are_told_from_each_other(y_m: float) -> None:
+def test_columns_are_kept_separate(y_m: float) -> None:
     """Two points in each of 4 by 4 columns: one point per column is kept."""
     middles = [(2.0 + 0.05 * column, y_m + 0.05 * row) for column in range(4) for row in range(4)]
     pairs = [point for x, y in middles for point in ((x + 0.02, y, 0.1), (x + 0.01, y, 0.3))]
     assert Scene().see(*pairs).known() == sorted([round(x + 0.01, 3), round(y, 3), 0.3] for x, y in middles)
 
 
-def test_points_of_less_precision_keep_the_precision_of_the_way() -> None:
+def test_low_precision_points_keep_the_precision_of_the_path() -> None:
     """Clouds are float32: far from the origin of dead reckoning this would lose a millimetre."""
     scene = Scene()
     scene.dead_reckoning.pose = Pose2(1e5, 0.0, 0.0)
@@ -184,7 +184,7 @@ def test_far_points_are_left_out() -> None:
     assert Scene().see((0.6 * radius, 0.81 * radius, 1.0)).known() == []
 
 
-def test_time_that_runs_back_begins_anew() -> None:
+def test_time_running_backwards_restarts_the_window() -> None:
     scene = Scene().see((2.0, 0.0, 1.0))
     scene.now_s = 5.0
     assert scene.around.age_s(scene.now_s) == math.inf
@@ -196,7 +196,7 @@ def test_time_that_runs_back_begins_anew() -> None:
 # --- the end of known space ------------------------------------------------------------------------------------------
 
 
-def test_the_end_of_known_space_moves_past_the_robot_and_grows_old() -> None:
+def test_frontier_moves_with_the_robot_and_becomes_stale() -> None:
     scene = Scene(Twist2(1.0, 0.0, 0.0)).go(0.5)
     assert scene.around.unseen(0.3, scene.now_s) is None
     scene.around.unseen_received(cloud((2.0, 0.0, 0.0), (math.nan, 0.0, 0.0)), 0.1, scene.now_s)
@@ -211,7 +211,7 @@ def test_the_end_of_known_space_moves_past_the_robot_and_grows_old() -> None:
     assert scene.around.unseen(0.3, scene.now_s - 1.0) is None
 
 
-def test_the_end_of_known_ground_moves_past_the_robot_and_grows_old() -> None:
+def test_ground_boundary_moves_with_the_robot_and_becomes_stale() -> None:
     scene = Scene(Twist2(1.0, 0.0, 0.0)).go(0.5)
     assert scene.around.no_ground(0.3, scene.now_s) is None
     scene.around.no_ground_received(cloud((2.0, 0.0, 0.0), (math.nan, 0.0, 0.0)), 0.1, scene.now_s)
@@ -226,7 +226,7 @@ def test_the_end_of_known_ground_moves_past_the_robot_and_grows_old() -> None:
 
 
 @pytest.mark.parametrize("latency_s", [OBSTACLES.max_latency_s + 0.01, -0.01, math.nan])
-def test_an_end_of_known_space_that_makes_no_sense_is_not_received(latency_s: float) -> None:
+def test_invalid_frontier_is_rejected(latency_s: float) -> None:
     scene = Scene()
     scene.around.unseen_received(cloud((2.0, 0.0, 0.0)), latency_s, scene.now_s)
     scene.around.unseen_received(cloud((math.nan, 0.0, 0.0)), 0.0, scene.now_s)
@@ -241,7 +241,7 @@ def test_an_end_of_known_space_that_makes_no_sense_is_not_received(latency_s: fl
 # --- moving objects --------------------------------------------------------------------------------------------------
 
 
-def test_who_moves_goes_on_while_the_robot_does() -> None:
+def test_moving_objects_are_extrapolated_while_the_robot_moves() -> None:
     scene = Scene(Twist2(1.0, 0.0, 0.0)).go(0.5)
     assert scene.around.moving(0.3, scene.now_s) is None
     rows = moving((2.0, 1.0, 0.5, -0.5, -2.0), (2.0, 1.0, 0.5, math.nan, 0.0), (math.inf, 1.0, 0.5, 0.0, 0.0))
@@ -255,7 +255,7 @@ def test_who_moves_goes_on_while_the_robot_does() -> None:
     assert scene.around.moving(0.3, scene.now_s - 1.0) is None
 
 
-def test_who_moves_is_turned_with_the_robot() -> None:
+def test_moving_objects_are_rotated_with_the_robot() -> None:
     scene = Scene()
     scene.dead_reckoning.pose = Pose2(0.0, 0.0, math.pi / 2)
     scene.around.moving_received(moving((2.0, 0.0, 0.5, 0.0, 1.0)), 0.0, scene.now_s)
@@ -303,7 +303,7 @@ ON_THE_EDGE = [
 
 
 @pytest.mark.parametrize("name", IN_DOCK)
-def test_what_belongs_to_a_dock(name: str) -> None:
+def test_points_that_belong_to_a_dock(name: str) -> None:
     (x, y, z), own = IN_DOCK[name]
     dock = Pose2(2.0, 1.0, 0.5)
     at = dock.compose(Pose2(x, y, 0.0))
@@ -322,7 +322,7 @@ def test_a_dock_s_edge_is_the_dock_s(point: tuple[float, float, float]) -> None:
     assert len(scene.known(docking=False)) == 1
 
 
-def test_limits_of_age_belong_to_what_is_known() -> None:
+def test_age_limits_apply_to_each_input() -> None:
     scene = Scene()
     scene.now_s = 0.0
     scene.around.dock(IDENTITY, OBSTACLES.max_latency_s, scene.now_s)

@@ -139,7 +139,7 @@ def test_wheels_stand_still_below_the_threshold_only() -> None:
     assert wheels.still_for_s(2.75, 0.5) == 0.25
 
 
-def test_the_twist_of_a_robot_that_stands_or_of_which_nobody_knows_is_zero() -> None:
+def test_unknown_or_standstill_twist_is_zero() -> None:
     wheels, _ = _wheels(standstill_mps=0.25)
     assert wheels.twist(1.0, 0.5) == ZERO_TWIST
     wheels.received(JOINTS, *_states([2.5] * 4, [0.0] * 4), 1.0)
@@ -202,7 +202,7 @@ def test_bad_joint_states_leave_the_age_growing() -> None:
     assert wheels.problem == "8 names, 8 positions, 7 velocities"
 
 
-def test_the_longest_silence_is_told_once() -> None:
+def test_longest_silence_is_reported_once() -> None:
     wheels, _ = _wheels()
     states = _states([0.0] * 4, [0.0] * 4)
     assert wheels.take_silence_s(1.0) == math.inf
@@ -306,7 +306,7 @@ def test_imu_age_and_inclination() -> None:
         (replace(STILL, wy=1e-12), ""),
     ],
 )
-def test_imu_samples_that_say_nothing_leave_the_age_growing(sample: ImuSample, problem: str) -> None:
+def test_imu_samples_with_a_problem_do_not_reset_the_age(sample: ImuSample, problem: str) -> None:
     imu, _ = _imu()
     imu.received(STILL, 1.0)
     imu.received(sample, 2.0)
@@ -325,7 +325,7 @@ def test_imu_takes_the_robots_own_acceleration_off() -> None:
 # --- cameras ---------------------------------------------------------------------------------------------------------
 
 
-def test_cameras_are_missed_only_while_a_docking_looks() -> None:
+def test_camera_timeout_is_raised_only_while_docking() -> None:
     cameras = CameraWatch(["front", "rear"])
     assert cameras.ages_s(1.0, 0.5) == {}
     cameras.received("rear", 1.0)

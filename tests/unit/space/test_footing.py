@@ -78,12 +78,12 @@ def test_a_steeper_fall_is_an_edge_however_even_it_is() -> None:
 
 
 @pytest.mark.parametrize(("low_m", "high_m", "found"), [(1.5, 2.1, True), (1.5, 2.75, False)])
-def test_what_an_edge_hides_does_not_hide_the_edge(low_m: float, high_m: float, found: bool) -> None:
+def test_occluded_area_does_not_hide_the_edge(low_m: float, high_m: float, found: bool) -> None:
     points = between(floor(step_down(0.5)), low_m, high_m)
     assert (len(footing(points).edges(IDENTITY)) > 0) == found
 
 
-def test_a_ramp_explains_a_fall_across_what_is_hidden() -> None:
+def test_ramp_explains_a_drop_across_an_occluded_area() -> None:
     points = between(floor(slope_down(11.0)), 1.5, 2.1)
     assert len(footing(points).edges(IDENTITY)) == 0
 
@@ -108,7 +108,7 @@ def test_a_single_cell_between_chair_and_ground_is_no_edge() -> None:
     assert len(footing(points).edges(IDENTITY)) == 0
 
 
-def test_few_cells_and_few_returns_say_nothing() -> None:
+def test_few_cells_and_few_returns_are_ignored() -> None:
     for points in (floor(step_down(0.3))[::3], floor(step_down(0.3), returns=1)[:0]):
         assert len(footing(points).edges(IDENTITY)) == 0
     few = floor(step_down(0.3))
@@ -141,7 +141,7 @@ def test_edges_stay_in_place_while_the_robot_moves_and_leave_with_the_grid() -> 
     assert len(found.edges(Pose2(-5.6, 0.0, 0.0))) == 0
 
 
-def test_odometry_that_begins_anew_forgets_the_ground() -> None:
+def test_odometry_restart_clears_the_ground() -> None:
     found, elsewhere = footing(floor(step_down(0.3))), Pose2(PARAMS.space.jump_m + 0.1, 0.0, 0.0)
     found.observe(np.empty((0, 4), np.float32), LEVEL, elsewhere, OWN)
     assert len(found.edges(elsewhere)) == 0
@@ -162,7 +162,7 @@ def test_heights_are_those_of_one_plane_however_the_robot_climbs() -> None:
 # --- where known ground ends -----------------------------------------------------------------------------------------
 
 
-def test_known_ground_is_what_was_seen_and_what_is_stood_on() -> None:
+def test_known_ground_is_seen_or_under_the_robot() -> None:
     found = footing(np.empty((0, 4), np.float32))
     ends = found.ends(IDENTITY)
     assert np.abs(ends[:, 0]).max() < 0.5 + 0.25
@@ -182,7 +182,7 @@ def test_a_hole_that_is_smaller_than_a_castor_is_none(hole_m: float, found: bool
     assert (np.hypot(ends[:, 0] - 1.5, ends[:, 1]) < 0.3).any() == found
 
 
-def test_beneath_the_robot_nothing_falls_and_what_was_the_chair_is_forgotten() -> None:
+def test_no_drop_below_the_robot_and_chair_cells_are_cleared() -> None:
     robot = load_robot()
     found = footing(floor(step_down(0.3, at_m=0.9)))
     assert len(found.edges(IDENTITY)) > 0

@@ -93,7 +93,7 @@ def test_a_return_now_and_then_is_enough_to_stay() -> None:
 
 
 @pytest.mark.parametrize("how", ["hidden", "not vouched for", "above"])
-def test_what_no_ray_passes_through_is_remembered_for_ever(how: str) -> None:
+def test_occupied_cells_without_rays_are_kept(how: str) -> None:
     scanner = Scanner().look(WALL)
     if how == "hidden":
         scanner.look((-20.0, 20.0, 0.80), times=50)
@@ -110,7 +110,7 @@ def test_what_no_ray_passes_through_is_remembered_for_ever(how: str) -> None:
     assert found[:, 2].max() == pytest.approx(LOW[2] + RISE_M)
 
 
-def test_free_that_nobody_watches_is_unseen_again() -> None:
+def test_unobserved_free_cells_become_unseen() -> None:
     scanner = Scanner().look(WALL)
     for _ in range(round(PARAMS.fade_s / 0.1)):
         scanner.look((-20.0, 20.0, 0.80))
@@ -134,7 +134,7 @@ def look_past(scanner: Scanner, *hits: tuple[float, float, float], times: int = 
         scanner.space.observe(replace(bare, hits=points, passed_m=passed), IDENTITY)
 
 
-def test_a_hollow_within_watched_space_stays_free_until_somebody_is_seen_beside_it() -> None:
+def test_enclosed_free_cells_stay_free_until_a_return_beside_them() -> None:
     scanner = Scanner().look()
     look_past(scanner, times=50)
     assert scanner.at(*HOLLOW) == FREE
@@ -147,13 +147,13 @@ def test_a_hollow_within_watched_space_stays_free_until_somebody_is_seen_beside_
     assert scanner.look().at(*HOLLOW) == FREE
 
 
-def test_what_was_not_free_in_a_hollow_is_not_made_so() -> None:
+def test_enclosed_cells_that_were_not_free_stay_unseen() -> None:
     scanner = Scanner()
     look_past(scanner, times=20)
     assert scanner.at(*HOLLOW) == UNSEEN
 
 
-def test_few_returns_make_nothing_occupied_and_keep_what_is() -> None:
+def test_few_returns_occupy_no_cell_and_keep_occupied_cells() -> None:
     """A thin pole far from the sensor: most rays pass beside it and few return."""
     for specks, after in (([(1.99, 0.04, 0.3)], OCCUPIED), ([(2.5, 0.0, 0.3)], FREE), ([(math.nan, 0.0, 0.3)], FREE)):
         scanner = Scanner().look(WALL)
@@ -166,7 +166,7 @@ def test_few_returns_make_nothing_occupied_and_keep_what_is() -> None:
         assert scanner.at(2.52, 0.02) == FREE
 
 
-def test_looks_of_two_sensors_need_not_come_in_the_order_of_their_stamps() -> None:
+def test_views_of_two_sensors_may_arrive_out_of_order() -> None:
     """One look arrives 0.05 s late with its older pose. It must not overwrite the other sensor's newer look."""
     scanner, late, now = Scanner().look(WALL), Scanner(), Pose2(0.10, 0.0, 0.0)
     for _ in range(200):
@@ -177,7 +177,7 @@ def test_looks_of_two_sensors_need_not_come_in_the_order_of_their_stamps() -> No
     assert scanner.at(*SEEN) == OCCUPIED
 
 
-def test_a_clock_that_was_set_back_forgets_everything() -> None:
+def test_clock_set_back_clears_the_grid() -> None:
     scanner = Scanner().look(WALL)
     scanner.now_s -= PARAMS.fade_s + 0.2
     scanner.look(vouch=False)
@@ -195,7 +195,7 @@ def test_rays_above_a_place_neither_make_nor_keep_it_free() -> None:
     assert scanner.at(1.5, 0.0) == UNSEEN
 
 
-def test_a_ray_between_two_heights_keeps_free_and_makes_nothing_free() -> None:
+def test_ray_between_two_heights_keeps_free_cells_and_frees_none() -> None:
     scanner = Scanner().look()
     scanner.origin_m = (0.45, 0.0, 0.5 * (PARAMS.free_below_m + ROBOT.lidar_xyz_m[2]))
     scanner.look(times=20)
@@ -203,7 +203,7 @@ def test_a_ray_between_two_heights_keeps_free_and_makes_nothing_free() -> None:
     assert Scanner(scanner.origin_m).look(times=20).at(1.5, 0.0) == UNSEEN
 
 
-def test_who_is_seen_through_where_the_ground_is_not_seen_leaves_a_place_that_is_unseen() -> None:
+def test_cleared_object_without_visible_ground_leaves_unseen_cells() -> None:
     scanner = Scanner((0.45, 0.0, 0.50)).look(WALL).look(times=PARAMS.passes)
     assert scanner.at(*SEEN) == UNSEEN
 
@@ -248,14 +248,14 @@ def test_what_is_hardly_higher_than_the_ground_is_gone_where_ground_is_seen(
     assert scanner.at(*SEEN) == OCCUPIED  # a current return
 
 
-def test_beside_a_pole_nobody_sees_through_it() -> None:
+def test_rays_beside_a_pole_do_not_clear_it() -> None:
     """Half of the beams through its cell pass the pole."""
     scanner = Scanner().look((-1.0, 1.0, 0.62))
     scanner.look((0.0, 2.0, 0.62), times=10)
     assert scanner.at(1.07, 0.01) == OCCUPIED
 
 
-def test_the_way_makes_places_doubtful_and_time_does_not() -> None:
+def test_driven_distance_ages_cells_and_time_does_not() -> None:
     scanner = Scanner().look(WALL)
     step = Pose2(0.0, 0.25, 0.0)
     pose = IDENTITY
@@ -269,7 +269,7 @@ def test_the_way_makes_places_doubtful_and_time_does_not() -> None:
     assert turning.at(*SEEN) == UNSEEN
 
 
-def test_things_stay_in_place_while_the_robot_moves_and_leave_with_the_grid() -> None:
+def test_objects_keep_their_position_and_leave_with_the_grid() -> None:
     scanner = Scanner().look(WALL)
     scanner.look(pose=Pose2(0.30, -0.20, 0.5), vouch=False)
     assert scanner.at(*SEEN) == OCCUPIED
@@ -282,7 +282,7 @@ def test_things_stay_in_place_while_the_robot_moves_and_leave_with_the_grid() ->
     assert scanner.at(*SEEN) == UNSEEN
 
 
-def test_odometry_that_begins_anew_forgets_everything() -> None:
+def test_odometry_restart_clears_the_grid() -> None:
     scanner = Scanner().look(WALL)
     scanner.look(pose=Pose2(PARAMS.jump_m + 0.1, 0.0, 0.0), vouch=False)
     assert len(scanner.remembered()) == 0
@@ -300,7 +300,7 @@ def test_points_that_are_no_numbers_and_the_robots_own_are_none() -> None:
     assert len(view.hits) == 1
 
 
-def test_the_frontier_is_where_known_space_ends_and_no_speck_in_it() -> None:
+def test_frontier_is_the_boundary_of_known_space_without_specks() -> None:
     scanner = Scanner().look(WALL)
     ends = scanner.space.frontier(IDENTITY)
     behind = ends[(ends[:, 0] > 2.0) & (np.abs(ends[:, 1]) < 1.0)]
@@ -314,7 +314,7 @@ def test_the_frontier_is_where_known_space_ends_and_no_speck_in_it() -> None:
     assert np.sort(turned[:, 1])[0] == pytest.approx(-ends[:, 0].max(), abs=1e-5)
 
 
-def test_the_chair_is_free_while_attached_and_unknown_when_it_is_gone() -> None:
+def test_chair_region_is_free_while_attached_and_unseen_afterwards() -> None:
     scanner = Scanner().look((-30.0, 30.0, 0.60))
     assert len(scanner.remembered()) == 0  # currently seen
     scanner.space.chair(True)

@@ -48,14 +48,14 @@ def walked_up(side: str, who: Post, gap_m: float = 0.05) -> tuple[Yard, Twist2]:
 
 @pytest.mark.parametrize("side", FOOTPRINT)
 @pytest.mark.parametrize("who", [CHILD, POLE, ADULT, DOG, LOW_BOX], ids=["child", "pole", "adult", "dog", "box"])
-def test_who_walked_up_to_the_robot_stops_it(who: Post, side: str) -> None:
+def test_pedestrian_approaching_stops_robot(who: Post, side: str) -> None:
     yard, towards = walked_up(side, who)
     for _ in range(3):
         yard.run(0.7)
         assert verdict(yard, towards).limit.linear_mps == 0.0
 
 
-def test_nobody_is_forgotten_because_time_goes_by() -> None:
+def test_pedestrians_are_not_forgotten_over_time() -> None:
     """One hour in front of an object 0.3 m ahead that is lower than the lowest ray."""
     yard, towards = walked_up("ahead", LOW_BOX, gap_m=0.30)
     yard.run(0.5)
@@ -69,7 +69,7 @@ def test_nobody_is_forgotten_because_time_goes_by() -> None:
 
 @pytest.mark.parametrize("who", [CHILD, ADULT], ids=["child", "adult"])
 @pytest.mark.parametrize("side", ["ahead", "left"])
-def test_who_leaves_again_is_gone(who: Post, side: str) -> None:
+def test_pedestrian_who_leaves_is_cleared(who: Post, side: str) -> None:
     yard, towards = walked_up(side, who, gap_m=0.25)
     x, y, _ = FOOTPRINT[side]
     yard.run(1.0)
@@ -79,7 +79,7 @@ def test_who_leaves_again_is_gone(who: Post, side: str) -> None:
     assert verdict(yard, towards).faults == ()
 
 
-def test_who_walks_past_leaves_no_trail() -> None:
+def test_passing_pedestrian_leaves_no_trail() -> None:
     yard = Yard(who=ADULT).run(0.5)
     yard.at["who"] = (1.3, -3.0)
     yard.walk("who", (1.3, 3.0), speed_mps=1.4).run(0.4)
@@ -102,7 +102,7 @@ def test_a_low_box_is_remembered_while_the_robot_drives_up_to_it_and_seen_again_
 
 
 @pytest.mark.parametrize("height_m", [0.95, 1.10])
-def test_a_bar_is_remembered_where_no_ray_is_as_high_and_gone_once_rays_of_its_height_pass(height_m: float) -> None:
+def test_bar_is_remembered_until_rays_of_its_height_pass(height_m: float) -> None:
     yard = Yard(bar=Block(0.025, 1.0, height_m - 0.025, height_m + 0.025))
     yard.at["bar"] = (2.6, 0.0)
     yard.run(3.6, Twist2(0.5, 0.0, 0.0)).run(1.0)
@@ -114,7 +114,7 @@ def test_a_bar_is_remembered_where_no_ray_is_as_high_and_gone_once_rays_of_its_h
     assert near(yard.scene.obstacles, 2.6 - yard.pose.x, 0.0, 0.3) == 0
 
 
-def test_places_grow_doubtful_with_the_way_and_not_with_time() -> None:
+def test_cells_age_with_driven_distance_and_not_with_time() -> None:
     yard, _ = walked_up("left", LOW_BOX)
     x, y = 0.0, 0.40
     yard.now_s += 3600.0
@@ -144,7 +144,7 @@ def test_with_the_chair_a_box_of_10_cm_stops_the_robot(top_m: float, y_m: float 
 
 
 @pytest.mark.parametrize("overhead", [True, False], ids=["seen from above", "overhead LiDAR silent"])
-def test_who_stands_in_the_shadow_of_the_chair_is_still_there(overhead: bool) -> None:
+def test_pedestrian_occluded_by_the_chair_is_kept(overhead: bool) -> None:
     """A person stands 3 m away, and the robot turns until the chair hides them."""
     yard = Yard(chair=True, overhead=overhead, who=ADULT)
     angle = math.radians(60.0)
@@ -167,7 +167,7 @@ def test_who_stands_in_the_shadow_of_the_chair_is_still_there(overhead: bool) ->
     assert near(yard.scene.obstacles, 3.0, 0.0, 0.4) > 0
 
 
-def test_who_stood_where_the_chair_hid_them_and_left_is_gone_once_rays_pass_there() -> None:
+def test_occluded_pedestrian_is_cleared_once_rays_pass() -> None:
     yard = Yard(chair=True, overhead=False, who=ADULT)
     yard.at["who"] = (1.5, 2.6)
     yard.run(1.0).run(2.0, Twist2(0.0, 0.0, 0.5)).run(0.5)
@@ -178,7 +178,7 @@ def test_who_stood_where_the_chair_hid_them_and_left_is_gone_once_rays_pass_ther
     assert state_at(yard, 1.5, 2.42) == FREE
 
 
-def test_what_the_chairs_edge_mixes_with_a_thing_behind_it_is_not_remembered() -> None:
+def test_mixed_pixels_at_the_chairs_edge_are_not_remembered() -> None:
     """A beam that hits both returns a range in between, beside the chair's front, where no ray ever passes."""
     yard = Yard(chair=True, mixed=0.3, post=Post(0.30, 1.5))
     yard.at["post"] = (1.9, -0.75)
@@ -190,7 +190,7 @@ def test_what_the_chairs_edge_mixes_with_a_thing_behind_it_is_not_remembered() -
 
 
 @pytest.mark.parametrize("dirt_deg", [(25.0, 55.0), (-60.0, -30.0), (-5.0, 15.0)])
-def test_dirt_beside_and_before_the_chair_is_noticed(dirt_deg: tuple[float, float]) -> None:
+def test_dirt_beside_and_in_front_of_the_chair_is_detected(dirt_deg: tuple[float, float]) -> None:
     """No direction is exempt, since the chair itself returns the beams that hit it."""
     yard = Yard(chair=True).run(0.5)
     assert not yard.watch.obstructed.any()
@@ -201,7 +201,7 @@ def test_dirt_beside_and_before_the_chair_is_noticed(dirt_deg: tuple[float, floa
     assert np.all((found >= dirt_deg[0] - 1) & (found <= dirt_deg[1] + 1))
 
 
-def test_what_was_seen_of_the_chair_is_no_obstacle_once_it_is_attached() -> None:
+def test_returns_of_the_chair_are_cleared_once_it_is_attached() -> None:
     yard = Yard(chair=True)
     yard.pipeline.chair = False
     yard.run(0.5)
@@ -213,7 +213,7 @@ def test_what_was_seen_of_the_chair_is_no_obstacle_once_it_is_attached() -> None
     assert len(ahead) == 0
 
 
-def test_with_the_chair_the_way_ahead_is_seen_from_above() -> None:
+def test_overhead_lidar_sees_the_path_ahead_of_the_chair() -> None:
     """The last 0.7 m in front of the knees, which no ray covers low enough, were seen from farther away."""
     yard = Yard(chair=True, mixed=0.3).run(6.5, Twist2(0.3, 0.0, 0.0))
     for twist in (Twist2(1.0, 0.0, 0.0), Twist2(-1.0, 0.0, 0.0), Twist2(0.0, 0.0, 0.5)):
@@ -221,7 +221,7 @@ def test_with_the_chair_the_way_ahead_is_seen_from_above() -> None:
         assert (found.limit.linear_mps, found.reason, found.faults) == (1.0, "PASSENGER_ONBOARD", ())
 
 
-def test_without_the_overhead_lidar_the_way_ahead_is_unseen_and_the_way_back_is_not() -> None:
+def test_without_overhead_lidar_the_path_ahead_is_unseen_and_the_path_behind_is_seen() -> None:
     yard = Yard(chair=True, overhead=False).run(8.0, Twist2(0.3, 0.0, 0.0))
     ahead, back = (verdict(yard, Twist2(speed, 0.0, 0.0)) for speed in (0.5, -0.5))
     assert (ahead.limit.linear_mps, ahead.reason, ahead.faults) == (0.0, "WAY_UNSEEN", ())  # ground there was not seen
@@ -229,7 +229,7 @@ def test_without_the_overhead_lidar_the_way_ahead_is_unseen_and_the_way_back_is_
 
 
 @pytest.mark.parametrize("from_y_m", [-2.5, 2.5])
-def test_who_walks_before_the_knees_of_the_passenger_slows_the_robot(from_y_m: float) -> None:
+def test_pedestrian_in_front_of_the_passenger_slows_the_robot(from_y_m: float) -> None:
     """The passenger hides a child of 0.62 m there from both sensors: it was seen entering."""
     yard = Yard(chair=True, who=CHILD).run(6.5, Twist2(0.3, 0.0, 0.0)).run(1.0)
     who = yard.pose.compose(Pose2(1.60, from_y_m, 0.0))
@@ -245,7 +245,7 @@ def test_who_walks_before_the_knees_of_the_passenger_slows_the_robot(from_y_m: f
 # --- an ordinary ride ------------------------------------------------------------------------------------------------
 
 
-def test_a_ride_remembers_nothing_of_its_own_and_sees_all_of_its_way() -> None:
+def test_ride_remembers_no_own_returns_and_sees_its_whole_path() -> None:
     yard = Yard(left=ADULT, right=POLE, low=LOW_BOX)
     yard.at |= {"left": (4.0, 1.2), "right": (4.5, -1.2), "low": (6.0, 1.1)}
     yard.run(1.5, Twist2(1.0, 0.0, 0.0))
@@ -260,7 +260,7 @@ def test_a_ride_remembers_nothing_of_its_own_and_sees_all_of_its_way() -> None:
     assert not (np.hypot(*yard.scene.obstacles[:, :2].T) < 0.9).any()
 
 
-def test_at_the_start_nothing_is_known_of_what_is_too_near_to_be_seen() -> None:
+def test_space_below_the_minimum_range_is_unknown_at_the_start() -> None:
     yard = Yard().run(0.3)
     assert yard.scene is not None
     away = np.hypot(yard.scene.unseen[:, 0] - 0.2, yard.scene.unseen[:, 1])
@@ -271,7 +271,7 @@ def test_at_the_start_nothing_is_known_of_what_is_too_near_to_be_seen() -> None:
     assert not ((np.abs(yard.scene.unseen[:, 1]) < 0.4) & (yard.scene.unseen[:, 0] > 0.0)).any()
 
 
-def test_a_start_is_slow_until_the_way_has_been_seen() -> None:
+def test_start_is_slow_until_the_path_is_seen() -> None:
     yard = Yard().run(0.3)
     ahead = Twist2(1.0, 0.0, 0.0)
     begin = verdict(yard, ahead)

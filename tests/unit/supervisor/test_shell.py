@@ -119,7 +119,7 @@ class TestControl:
                 connection.sendall(b"x" * 10_000_000)
         assert ask("status") == {"answer": 1}
 
-    def test_nobody_there(self, runtime_dir: Path) -> None:
+    def test_docking_without_a_server(self, runtime_dir: Path) -> None:
         with pytest.raises(NotRunning):
             ask("status")
 

@@ -50,7 +50,7 @@ def test_a_mission_that_is_over_is_none(state: str) -> None:
     assert current_mission(state, Mission("tour", "gate", 4, 4)) == Mission("", "", 0, 0)
 
 
-def test_nothing_is_known_at_first() -> None:
+def test_all_values_are_unknown_at_first() -> None:
     summary = Summary()
     numbers = (
         summary.battery.voltage_v,
