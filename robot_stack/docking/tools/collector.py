@@ -210,18 +210,17 @@ class Collector:
             return
         for status in decode().status:
             if status.name == CONTROLLER:
-                self._say(at_s, f"{CONTROLLER}: {status.message}")
+                self._say(at_s, CONTROLLER, status.message)
 
     def _on_mission(self, _: str, at_s: float, decode: Decode) -> None:
         if self._open is not None and (reason := str(decode().reason)):
-            self._say(at_s, f"mission: {reason}")
+            self._say(at_s, "mission", reason)
 
-    def _say(self, at_s: float, text: str) -> None:
+    def _say(self, at_s: float, who: str, text: str) -> None:
         assert self._open is not None
-        who = text.split(":")[0]
-        last = next((said for _, said in reversed(self._open.said) if said.startswith(f"{who}:")), "")
+        last = next((said for _, author, said in reversed(self._open.said) if author == who), None)
         if text != last:
-            self._open.said.append((at_s, text))
+            self._open.said.append((at_s, who, text))
 
 
 _HANDLERS: dict[str, Callable[[Collector, str, float, Decode], None]] = {

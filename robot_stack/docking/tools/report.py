@@ -28,7 +28,7 @@ def numbers(trace: Trace, limits: Limits, docks: Docks) -> dict[str, Any]:
         "verdict": verdict.text,
         "causes": [_finding(item) for item in verdict.causes],
         "other_findings": [_finding(item) for item in verdict.others],
-        "said": [{"at_s": _round(at_s - trace.start_s), "text": text} for at_s, text in trace.said],
+        "said": [{"at_s": _round(at_s - trace.start_s), "text": f"{who}: {text}"} for at_s, who, text in trace.said],
         "tries": _tries(trace),
         "states": [_spell(trace, spell, "state") for spell in trace.states()],
         "errors": _errors(trace),
