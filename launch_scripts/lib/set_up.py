@@ -75,7 +75,7 @@ def check_compiler() -> None:
 
 
 def keep_or_make_environment() -> None:
-    """Keeps .venv where it was made by the interpreter in use and still runs, else makes it anew."""
+    """Keeps .venv where it was made by the interpreter in use and still runs, else recreates it."""
     if Path(sys.prefix).resolve() == PREFIX.resolve():
         return
     if made_by_this_python() and subprocess.run([PYTHON, "-c", ""], capture_output=True, check=False).returncode == 0:
@@ -188,10 +188,10 @@ def wheels_env() -> ModuleType:
 
 
 def compile_modules() -> None:
-    """Where Python is told to keep no compiled modules, each of a dozen processes would compile all of them anew."""
+    """Where Python keeps no compiled modules, each of a dozen processes would recompile all of them."""
     folders = [sysconfig.get_path("purelib", vars={"base": str(PREFIX)}), *(str(ROOT / name) for name in OWN)]
     command = [str(PYTHON), "-m", "compileall", "-q", "-q", "--workers", "0", *folders]
-    subprocess.run(command, check=False)  # some packages carry files of other Python versions, which nobody imports
+    subprocess.run(command, check=False)  # some packages carry files of other Python versions, which are never imported
 
 
 def compile_loops() -> None:

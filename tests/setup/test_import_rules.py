@@ -17,7 +17,7 @@ FORBIDDEN = {
     "core imports the engine": ("core/intruder.py", "import robot_stack.wmx", "Subsystems meet"),
     "the stack imports the simulation": ("core/intruder.py", "import sim", "never imports the simulation"),
     "a kernel imports rclpy": ("safety/intruder.py", "from rclpy.node import Node", "Only the ROS implementation"),
-    "a kernel imports messages": ("safety/intruder.py", "import std_msgs.msg", "Only nodes and what they stand on"),
+    "a kernel imports messages": ("safety/intruder.py", "import std_msgs.msg", "Only nodes and their base modules"),
     "a kernel imports the node base": (
         "safety/intruder.py",
         "import robot_stack.middleware.node",
