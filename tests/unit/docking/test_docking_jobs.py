@@ -381,7 +381,7 @@ def test_a_latch_that_lets_go_by_itself_asks_for_an_emergency_stop_once() -> Non
 
 def test_a_latch_that_lets_go_before_the_docking_has_ended_ends_it() -> None:
     bench = began(Bench())
-    assert bench.run(lambda: "once more" in bench.outputs[-1].text)
+    assert bench.run(lambda: "measuring the board again" in bench.outputs[-1].text)
     bench.latch_position = 3
     result = bench.run_to_end(1.0)
     assert result.code is DockCode.LATCH_FAILED
