@@ -50,7 +50,8 @@ def set_up() -> int:
     steps.run("project", "2/6 the project itself, editable", project, install_project)
 
     library = ROOT / "launch_scripts/lib"
-    toolchain = digest(packages, library / "interfaces.py", sorted(library.glob("*.cmake")))
+    programs = (library / "interfaces.py", library / "generate_interfaces.py")
+    toolchain = digest(packages, programs, sorted(library.glob("*.cmake")))
     due = {
         package: digest(toolchain, str(package), interfaces.sources(package))
         for package in interfaces.needed(ROOT, PREFIX)

@@ -70,10 +70,10 @@ def run_logged(command: Sequence[str], environment: dict[str, str], log: Path) -
         raise Fault(f"{end}\nexit code {result.returncode} of: {' '.join(command)}\nwhole log: {log}")
 
 
-def replace_file(path: Path, text: str, mode: int = 0o644) -> None:
+def replace_file(path: Path, content: str | bytes, mode: int = 0o644) -> None:
     """Writes a file so that a reader sees the old or the new one, never half of it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(f".{path.name}.{os.getpid()}")
-    draft.write_text(text)
+    draft.write_bytes(content.encode() if isinstance(content, str) else content)
     draft.chmod(mode)
     draft.replace(path)

@@ -93,3 +93,17 @@ def test_a_step_that_fails_is_run_again(steps: ModuleType, tmp_path: Path) -> No
 
     assert runs == ["failed", "done"]
     assert work.done == 1
+
+
+def test_a_definition_is_parsed_once_for_all_generators(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.syspath_prepend(str(LIBRARY))
+    generators = importlib.import_module("generate_interfaces")
+    parsed: list[str] = []
+
+    def parse(text: str) -> list[str]:
+        parsed.append(text)
+        return text.split()
+
+    of_first, of_second = (generators.stored(parse, tmp_path / "build") for _ in range(2))
+    assert [of_first("a b"), of_second("a b", png_file=None), of_second("c")] == [["a", "b"], ["a", "b"], ["c"]]
+    assert parsed == ["a b", "c"]
