@@ -174,7 +174,7 @@ def refusal(*arguments: str) -> str:
 
 def test_wrong_use_is_one_line(ros_domain, own_config, tmp_path):
     (tmp_path / "taken").mkdir()
-    assert "is there already" in refusal("--name", "taken", "--output", str(tmp_path))
+    assert "exists already" in refusal("--name", "taken", "--output", str(tmp_path))
     assert "letters, digits" in refusal("--name", "../up", "--output", str(tmp_path))
     assert "a recording needs a new folder" in refusal("--name", "a", "--recording", str(tmp_path / "taken"))
 

@@ -371,7 +371,7 @@ def test_what_a_killed_supervisor_left_is_ended_by_the_next(running: Stack) -> N
     done = running.up()
     assert done.returncode == 0, done.stderr
     assert not _alive(pid)
-    assert f"processes {pid}" in running.log("supervisor")
+    assert f"earlier supervisor: {pid}" in running.log("supervisor")
 
 
 def test_an_orphan_that_hangs_at_its_end_with_the_interpreter_lock_is_ended(running: Stack) -> None:

@@ -27,6 +27,7 @@ from custom_msgs.msg import (
 from robot_stack.contract import services, topics
 from robot_stack.contract.display import Display
 from robot_stack.core.geometry import quaternion_from_yaw
+from robot_stack.core.health import INPUT_PREFIX, InputState, describe_input
 from robot_stack.core.stop_presence import Presence, describe_presence
 from robot_stack.middleware.point_cloud import cloud_message
 from robot_stack.navigation.nodes.people_markers import people_markers
@@ -34,7 +35,16 @@ from robot_stack.navigation.people import Person
 from tests.support.peer import Peer
 
 _XYZ = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
-_REPORT = {"input /odom": "120 received, 50.0 Hz, age 0.01 s", "input /current_pose": "20 received, 9.9 Hz, age 0.08 s"}
+
+
+def _inputs(*states: InputState) -> dict[str, str]:
+    return {f"{INPUT_PREFIX}{state.name}": describe_input(state) for state in states}
+
+
+_REPORT = _inputs(
+    InputState(topics.ODOM.name, age_s=0.01, rate_hz=50.0, fresh=True, received=120),
+    InputState(topics.CURRENT_POSE.name, age_s=0.08, rate_hz=9.9, fresh=True, received=20),
+)
 
 
 class StandInRobot:
@@ -141,7 +151,7 @@ class StandInRobot:
         return grid
 
     def _diagnostics(self) -> DiagnosticArray:
-        stale = {"input /sensors/imu": "900 received, 0.0 Hz, age 2.31 s, STALE"}
+        stale = _inputs(InputState(topics.IMU.name, age_s=2.31, rate_hz=0.0, fresh=False, received=900))
         return DiagnosticArray(
             status=[
                 _status("navigation_controller", "no goal", _REPORT),

@@ -99,7 +99,7 @@ def test_what_is_wrong_is_shown_at_its_field(editor: Any, own: Path) -> None:
     until(editor, "document.querySelector('[data-problem=\"waypoints.1.action\"]')?.textContent.includes('undock')")
     fill(editor, "waypoints.1.name", "stop")
     editor.click("#save-mission")
-    until(editor, "document.querySelector('.toast.bad')?.textContent.includes('to be mended')")
+    until(editor, "document.querySelector('.toast.bad')?.textContent.includes('has errors')")
     assert [item.name for item in read_mission(own / "garden_tour.yaml").waypoints] == ["stop", "fountain"]
     editor.click("#leave-editor")
     editor.click("#discard")
@@ -146,7 +146,7 @@ def test_nothing_is_overwritten_unseen(editor: Any, own: Path) -> None:
     changed["name"]["en"] = "Changed by somebody else"
     file.write_text(yaml.safe_dump(changed, allow_unicode=True), encoding="utf-8")
     editor.click("#save-mission")
-    until(editor, "document.querySelector('.toast.bad')?.textContent.includes('somebody else')")
+    until(editor, "document.querySelector('.toast.bad')?.textContent.includes('changed elsewhere')")
     assert read_mission(file).name.en == "Changed by somebody else"
     assert editor.is_visible("[data-editor]")  # the input is kept
 
