@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import socket
 import threading
 import time
@@ -96,15 +97,17 @@ class StatusView:
         self._stale_s = stale_s
         self._stale_ns = round(1e9 * stale_s)
         self._reader: StatusReader | None = None
+        self._last = empty_snapshot()
 
     def read(self) -> tuple[int, StatusSnapshot]:
-        """(code, snapshot): StatusChannelNull without a page, StatusChannelError for one that is stale or unreadable.
+        """(code, snapshot): StatusChannelNull without a page, StatusChannelError for one that is stale.
 
-        A stale snapshot is returned as the last known state; it must not be used for the present.
+        While a writer is held up in the middle of a write, the snapshot before is returned, until it is stale, too. A
+        stale snapshot is returned as the last known state; it must not be used for the present.
         """
         code, snapshot = self._try()
         if code and self._reader is not None and self._reader.replaced():
-            self._reader = None
+            self._reader, self._last = None, empty_snapshot()
             code, snapshot = self._try()
         return code, snapshot
 
@@ -124,9 +127,7 @@ class StatusView:
                 self._reader = StatusReader(self._folder)
         except StatusUnreadable:
             return ErrorCode.StatusChannelNull, empty_snapshot()
-        try:
-            snapshot = self._reader.read()
-        except StatusUnreadable:
-            return ErrorCode.StatusChannelError, empty_snapshot()
-        stale = snapshot.age_s(time.monotonic_ns()) > self._stale_s
-        return (ErrorCode.StatusChannelError if stale else ErrorCode.PyNone), snapshot
+        with contextlib.suppress(StatusUnreadable):
+            self._last = self._reader.read()
+        stale = self._last.age_s(time.monotonic_ns()) > self._stale_s
+        return (ErrorCode.StatusChannelError if stale else ErrorCode.PyNone), self._last

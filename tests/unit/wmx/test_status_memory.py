@@ -170,15 +170,20 @@ def test_page_of_something_else(folder: Path, contents: bytes) -> None:
         StatusReader(folder)
 
 
-def test_writer_that_died_while_writing(folder: Path) -> None:
-    writer = StatusWriter(make_engine(), folder)
-    writer.publish(1)
-    reader = StatusReader(folder)
+def stop_while_writing(folder: Path) -> None:
+    """Makes the sequence number odd, as a writer leaves it that stops in the middle."""
     with open(folder / STATUS_FILE, "r+b") as file:
         file.seek(_SEQUENCE_AT)
         (number,) = struct.unpack("<q", file.read(8))
         file.seek(_SEQUENCE_AT)
         file.write(struct.pack("<q", number + 1))
+
+
+def test_writer_that_died_while_writing(folder: Path) -> None:
+    writer = StatusWriter(make_engine(), folder)
+    writer.publish(1)
+    reader = StatusReader(folder)
+    stop_while_writing(folder)
     pauses: list[float] = []
     with pytest.raises(StatusUnreadable, match="died while writing"):
         reader.read(pause=pauses.append)
@@ -204,6 +209,26 @@ def test_never_published_is_infinitely_old(folder: Path) -> None:
     StatusWriter(make_engine(), folder)
     assert StatusReader(folder).read().age_s(time.monotonic_ns()) == float("inf")
     assert empty_snapshot().age_s(10) == float("inf")
+
+
+def test_view_returns_the_status_before_a_write_that_does_not_end_until_it_is_stale(folder: Path) -> None:
+    """A paused simulation must not look like a dead engine."""
+    writer = StatusWriter(make_engine(), folder)
+    now_ns = time.monotonic_ns()
+    writer.publish(now_ns)
+    view, hasty, late = (
+        StatusView(folder, stale_s=1e6),
+        StatusView(folder, stale_s=1e-9),
+        StatusView(folder, stale_s=1e6),
+    )
+    assert view.read()[0] == 0
+    assert hasty.read()[0] == 271
+    stop_while_writing(folder)
+    code, snapshot = view.read()
+    assert (code, snapshot.stamp_ns) == (0, now_ns)
+    code, snapshot = hasty.read()
+    assert (code, snapshot.stamp_ns) == (271, now_ns)
+    assert late.read()[0] == 271, "a view without any status"
 
 
 def test_view_goes_stale_and_finds_the_next_writer(folder: Path) -> None:
