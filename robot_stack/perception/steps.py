@@ -304,13 +304,14 @@ def _is_even(
 
 @numba.njit(cache=True, error_model="numpy")
 def _find_decks(cells: Float, active: Int, slope: Any, least: Any, kind: Bytes) -> None:
-    """Decks become ground. If no side of it was seen before it, the first cells of a deck stay the obstacle."""
+    """Decks become ground. The first cells of a deck stay the obstacle if it begins with a jump whose side was not
+    seen."""
     rings = kind.shape[1]
     for s in active:
-        first, last = -1, -1
-        sided, raised = False, False  # sided: the cell before the deck is raised, too
+        first, last, before = -1, -1, -1
+        jump = False
         for k in range(rings + 1):
-            smooth, joined, high = False, False, False
+            smooth, joined = False, False
             if k < rings:
                 what = kind[s, k]
                 if what == EMPTY or what == DROP:
@@ -319,19 +320,25 @@ def _find_decks(cells: Float, active: Int, slope: Any, least: Any, kind: Bytes) 
                 smooth = high and cells[s, k, TOP] - cells[s, k, HEIGHT] < np.float32(_SMOOTH_M) + slope * np.float32(
                     0.1
                 )
-                if last >= 0:
-                    away = cells[s, k, DISTANCE] - cells[s, last, DISTANCE]
-                    joined = (
-                        abs(cells[s, k, HEIGHT] - cells[s, last, HEIGHT]) <= slope * away + np.float32(0.02)
-                        and away < least
-                    )
+                joined = last >= 0 and _joins(cells, s, last, k, slope, least)
             if smooth and joined:
-                last, raised = k, True
+                last = before = k
                 continue
             if last > first >= 0 and cells[s, last, DISTANCE] - cells[s, first, DISTANCE] >= least:
-                inside = cells[s, first, DISTANCE] + (np.float32(0.0) if sided else np.float32(_DECK_EDGE_M))
+                inside = cells[s, first, DISTANCE] + (np.float32(_DECK_EDGE_M) if jump else np.float32(0.0))
                 for j in range(first, last + 1):
                     if (kind[s, j] == TALL or kind[s, j] == STEP) and cells[s, j, DISTANCE] >= inside:
                         kind[s, j], cells[s, j, GROUND_M] = FLOOR, cells[s, j, HEIGHT]
             first = last = k if smooth else -1
-            sided, raised = raised, high
+            if smooth:
+                floor = before < 0 or kind[s, before] == FLOOR
+                jump = floor and not (before >= 0 and _joins(cells, s, before, k, slope, least))
+            before = k
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _joins(cells: Float, s: int, before: int, after: int, slope: Any, least: Any) -> bool:
+    """True if two cells of a direction can be one surface no steeper than a ramp."""
+    away = cells[s, after, DISTANCE] - cells[s, before, DISTANCE]
+    rise = abs(cells[s, after, HEIGHT] - cells[s, before, HEIGHT])
+    return bool(rise <= slope * away + np.float32(0.02) and away < least)

@@ -176,7 +176,7 @@ class Space:
         middle = body[:, :2].mean(axis=0)
         end_s, speed_mps = p.moving_objects.coast_s, math.hypot(vx_mps, vy_mps)
         if vx_mps * (x - middle[0]) + vy_mps * (y - middle[1]) > 0.0:  # a slow one approaches for longer
-            end_s = max(end_s, _HIDDEN_M / speed_mps)
+            end_s = max(end_s, _HIDDEN_M / max(speed_mps, p.moving_objects.slowest_mps))
         for after_s in np.arange(_STEP_S, end_s + _STEP_S, _STEP_S):
             on = body + np.array([after_s * vx_mps, after_s * vy_mps, 0.0])
             dx, dy = on[:, 0] - x, on[:, 1] - y
