@@ -28,7 +28,7 @@ def test_angles_that_are_not_six_numbers_are_refused(text: str) -> None:
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, 601.0, float("nan")])
-def test_a_time_that_makes_no_sense_is_refused(seconds: float) -> None:
+def test_arm_move_rejects_duration_out_of_range(seconds: float) -> None:
     with pytest.raises(CommandError, match="must be above 0 and at most 600 s"):
         arm.move(to="0,0,0,0,0,0", within_s=seconds)
 

@@ -176,7 +176,7 @@ def test_a_lidars_mount_is_found_and_drawn(tilted_ride: Path, coarse: None, tmp_
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_mount_that_the_ride_cannot_tell_is_refused(tilted_ride: Path, tmp_path: Path) -> None:
+def test_lidar_mount_with_excessive_deviation_is_rejected(tilted_ride: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(app, ["calibrate", "lidar", str(tilted_ride)])
     assert isinstance(result.exception, CommandError)
     assert re.search(r"the deviation of the heading is 0\.\d\d deg, allowed are 0\.1", str(result.exception))
@@ -214,7 +214,7 @@ def test_wheels_that_differ_are_named_and_drawn(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("speed_mps", "why"), [(0.0, "there is no motion"), (0.03, "does not determine the wheel radii")]
 )
-def test_a_ride_that_does_not_tell_the_wheels_is_refused(tmp_path: Path, speed_mps: float, why: str) -> None:
+def test_wheel_calibration_rejects_ride_without_enough_motion(tmp_path: Path, speed_mps: float, why: str) -> None:
     ride = wheels_ride(tmp_path / "ride", lambda s: (speed_mps, 0.0))
     result = CliRunner().invoke(app, ["calibrate", "wheels", str(ride)])
     assert isinstance(result.exception, CommandError)

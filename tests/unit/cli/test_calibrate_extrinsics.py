@@ -129,7 +129,7 @@ def _numbers(key: str, text: str) -> list[float]:
     ],
     ids=["camera", "recording", "images", "never stands"],
 )
-def test_what_tells_nothing_is_refused(
+def test_extrinsics_calibration_rejects_unusable_ride(
     make: Callable[[Path], Path], arguments: list[str], why: str, tmp_path: Path
 ) -> None:
     folder = make(tmp_path / "ride")

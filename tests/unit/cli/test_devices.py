@@ -37,7 +37,7 @@ def test_every_driver_of_the_robots_profile_is_named(config: Path) -> None:
     assert "xsens_driver" in drivers
 
 
-def test_a_serial_port_is_there_or_what_to_do(config: Path) -> None:
+def test_serial_port_presence_is_reported_with_advice(config: Path) -> None:
     port = config.parent / "imu"
     missing = found()["xsens_driver"]
     assert not missing.there
@@ -51,7 +51,9 @@ def test_a_serial_port_is_there_or_what_to_do(config: Path) -> None:
         line.pull()
 
 
-def test_a_can_interface_is_there_or_what_to_do(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_can_interface_presence_is_reported_with_advice(
+    config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The kernel's folder of network interfaces is a fake, since the machine may have no such adapter."""
     network = tmp_path / "net"
     monkeypatch.setattr("robot_stack.cli.devices._NETWORK", network)
@@ -77,7 +79,7 @@ def test_a_can_interface_is_there_or_what_to_do(config: Path, tmp_path: Path, mo
     assert found()["pylontech_driver"] == Device("pylontech_driver", True, "CAN interface can0 is up")
 
 
-def test_a_lidar_is_reached_by_an_interface_or_what_to_do(config: Path) -> None:
+def test_lidar_reachability_is_reported(config: Path) -> None:
     profile, file = config / "profiles" / "robot.yaml", config / "velodyne_driver.yaml"
     profile.write_text(profile.read_text().replace("  - point_cloud_adapter ", "  - velodyne_driver ", 1))
     file.write_text(file.read_text().replace("192.168.1.201", "203.0.113.7"))
@@ -87,7 +89,7 @@ def test_a_lidar_is_reached_by_an_interface_or_what_to_do(config: Path) -> None:
     assert found()["velodyne_driver"].what == "127.0.0.9 is reached by lo (127.0.0.1), port 2368"
 
 
-def test_an_ouster_is_named_by_its_metadata_or_what_to_do(config: Path) -> None:
+def test_ouster_is_identified_by_metadata_or_error_is_reported(config: Path) -> None:
     profile, file = config / "profiles" / "robot.yaml", config / "ouster_driver.yaml"
     profile.write_text(profile.read_text().replace("  - point_cloud_adapter ", "  - ouster_driver ", 1))
     file.write_text(file.read_text().replace("192.168.1.202", "127.0.0.9"))
@@ -110,7 +112,7 @@ def test_an_ouster_is_named_by_its_metadata_or_what_to_do(config: Path) -> None:
     )
 
 
-def test_a_joystick_is_there_or_what_to_do(config: Path) -> None:
+def test_joystick_presence_is_reported(config: Path) -> None:
     profile, file = config / "profiles" / "robot.yaml", config / "joystick_driver.yaml"
     profile.write_text(profile.read_text().replace("processes:\n", "processes:\n  - joystick_driver\n", 1))
     device = config.parent / "js"
@@ -120,7 +122,7 @@ def test_a_joystick_is_there_or_what_to_do(config: Path) -> None:
     assert found()["joystick_driver"] == Device("joystick_driver", True, str(device))
 
 
-def test_a_battery_is_reached_over_modbus_or_what_to_do(config: Path) -> None:
+def test_modbus_battery_reachability_is_reported_with_advice(config: Path) -> None:
     profile, file = config / "profiles" / "robot.yaml", config / "modbus_battery_driver.yaml"
     profile.write_text(profile.read_text().replace("  - pylontech_driver\n", "  - modbus_battery_driver\n", 1))
     device = TcpDevice(Registers(225, {}))
@@ -146,14 +148,14 @@ def test_a_port_that_may_not_be_opened(config: Path) -> None:
     assert "may not be opened" in found()["xsens_driver"].what
 
 
-def test_a_wrong_file_is_told(config: Path) -> None:
+def test_invalid_driver_configuration_is_reported(config: Path) -> None:
     (config / "xsens_driver.yaml").write_text("baud_rate: 12\n")
     device = found()["xsens_driver"]
     assert not device.there
     assert "baud_rate" in device.what
 
 
-def test_cameras_are_there_or_what_to_do(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_camera_presence_is_reported_with_advice(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The kernel's folder of cameras is a fake, since the machine may have none."""
     cameras = tmp_path / "video4linux"
     monkeypatch.setattr("robot_stack.cli.devices._CAMERAS", cameras)

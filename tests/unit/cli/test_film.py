@@ -134,7 +134,7 @@ def test_story_of_a_simulated_ride_is_its_ground_truth(tmp_path: Path) -> None:
     assert len(story.plans[0][1]) == 2
 
 
-def test_story_of_a_real_ride_is_what_the_robot_believed(tmp_path: Path) -> None:
+def test_story_of_real_ride_is_built_from_estimates(tmp_path: Path) -> None:
     """Without ground truth the pose is localization's, the wheelchair is at the latch, and obstacles are in map."""
     story, _ = read_story(write(tmp_path / "ride", ride(truth=False)), 20.0, quiet)
     assert story.robot.at(BEGUN_S + 3.0).y == pytest.approx(6.0, abs=1e-6)
@@ -186,13 +186,13 @@ def test_a_damaged_recording_is_shown_as_far_as_it_goes(tmp_path: Path) -> None:
     assert (recording / "film.gif").is_file()
 
 
-def test_what_is_no_ride_is_told(tmp_path: Path) -> None:
+def test_film_of_recording_without_ride_reports_error(tmp_path: Path) -> None:
     recording = write(tmp_path / "ride", [(0.0, topics.PASSENGER_ATTACHED, Bool(data=False))])
     done = film(recording)
     assert (done.returncode, "contains no ride" in done.stderr) == (2, True)
 
 
-def test_wrong_use_is_told(tmp_path: Path) -> None:
+def test_film_with_invalid_arguments_reports_error(tmp_path: Path) -> None:
     assert film(tmp_path).returncode == 2
     done = film(tmp_path, "-o", tmp_path / "film.avi")
     assert (done.returncode, "a film ends in .gif or .mp4" in done.stderr) == (2, True)

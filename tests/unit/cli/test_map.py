@@ -90,7 +90,7 @@ def test_show_and_check(folder, tmp_path):
     assert "checksums agree" in checked.output
 
 
-def test_a_changed_file_is_noticed(folder, tmp_path):
+def test_map_check_detects_changed_file(folder, tmp_path):
     copy = tmp_path / "copy"
     shutil.copytree(folder, copy)
     grid = bytearray((copy / "grid.pgm").read_bytes())
@@ -120,7 +120,7 @@ def test_rides_that_make_no_map(tmp_path, what, words):
         read(tmp_path / "ride")
 
 
-def test_a_file_that_was_cut_off_gives_what_is_whole(recording, tmp_path):
+def test_truncated_recording_is_read_up_to_damage(recording, tmp_path):
     data = (recording / "ride_0.mcap").read_bytes()
     file = tmp_path / "cut.mcap"
     file.write_bytes(data[: int(0.8 * len(data))])

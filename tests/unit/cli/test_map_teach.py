@@ -100,7 +100,7 @@ def ride_of(recording):
 
 
 @pytest.mark.parametrize("heard", ["ends"], indirect=True)
-def test_what_is_recorded_makes_the_same_ride_as_everything_that_came(heard, folder, everything):
+def test_taught_recording_yields_same_ride_as_full_recording(heard, folder, everything):
     with pytest.raises(CommandError, match="ended; to build the map of this ride"):
         map_teach.teach_map("room", folder / "maps", None, folder / "ride", None)
     taught, whole = ride_of(folder / "ride"), ride_of(everything)
@@ -122,7 +122,7 @@ def messages_of(recording) -> list[str]:
         return [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
 
 
-def test_a_disk_that_gets_full_ends_the_ride_and_keeps_what_is_recorded(heard, folder, monkeypatch):
+def test_full_disk_ends_teaching_and_keeps_recording(heard, folder, monkeypatch):
     monkeypatch.setattr(background, "disk_use", lambda _: 1.0 if heard.is_set() else 0.5)
     with pytest.raises(CommandError, match=r"recording has stopped: the disk of .* is 100% full") as refused:
         map_teach.teach_map("room", folder / "maps", (3.0, 0.0, 1.5), folder / "ride", None)
@@ -134,7 +134,7 @@ def test_a_disk_that_gets_full_ends_the_ride_and_keeps_what_is_recorded(heard, f
     assert (folder / "ride" / "growing.png").is_file()
 
 
-def test_a_picture_that_cannot_be_written_is_told_before_the_ride(heard, folder):
+def test_unwritable_picture_is_reported_before_teaching(heard, folder):
     with pytest.raises(CommandError, match=r"growing.png cannot be written: there is no folder .*nowhere"):
         map_teach.teach_map("room", folder / "maps", None, folder / "ride", folder / "nowhere" / "growing.png")
     assert not (folder / "ride").exists()
@@ -156,13 +156,13 @@ def test_why_the_robot_does_not_obey(monkeypatch, safety, words):
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_a_folder_without_rights_is_told_before_the_ride(heard, folder):
+def test_unwritable_map_folder_is_reported_before_teaching(heard, folder):
     (folder / "maps").mkdir(mode=0o500)
     with pytest.raises(CommandError, match="no right to write"):
         map_teach.teach_map("room", folder / "maps", None, folder / "ride", None)
 
 
-def test_the_picture_shows_what_stands_where(tmp_path):
+def test_picture_shows_walls_free_space_and_path_at_their_positions(tmp_path):
     growing = taught(Collector(site.params().sweeps, load_robot()))
     size_m = site.params().grid.resolution_m
     file = tmp_path / "growing.png"
@@ -185,7 +185,7 @@ def test_the_picture_shows_what_stands_where(tmp_path):
     assert (picture[at(-3.0, 0.0)] == (14, 127, 255)).all(axis=2).any(), "the way"
 
 
-def test_a_picture_of_nothing_is_one():
+def test_picture_of_empty_map_is_uniform():
     picture = taught_picture(GrowingMap(site.params(), None), 0.1, 400)
     assert picture.shape == (100, 100, 3)
     assert np.ptp(picture) == 0

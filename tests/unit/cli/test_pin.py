@@ -15,7 +15,7 @@ def test_the_line_is_for_the_configuration() -> None:
     assert verify_pin(yaml.safe_load(result.output)["pin_hash"], "1357")
 
 
-def test_what_is_no_pin_is_refused() -> None:
+def test_pin_of_wrong_length_is_rejected() -> None:
     result = CliRunner().invoke(app, ["pin", "--pin", "12"])
     assert result.exit_code != 0
     assert "4 to 12 digits" in str(result.exception)

@@ -26,7 +26,7 @@ def test_one_line_without_an_emergency(safety: dict[str, Any] | None, line: str)
     assert safety_lines(safety) == [line]
 
 
-def test_an_emergency_is_told_with_every_fault_and_what_releases_it() -> None:
+def test_emergency_stop_is_reported_with_faults_and_release_command() -> None:
     lines = safety_lines(said("EMERGENCY_STOP", "ESTOP_PRESSED", "LIDAR_TIMEOUT"))
     assert lines == [
         "safety: EMERGENCY_STOP: the robot does not move",

@@ -16,7 +16,7 @@ def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return state_dir() / "wheelchair_attached"
 
 
-def test_no_file_is_no_chair(path: Path) -> None:
+def test_missing_attached_file_loads_as_not_attached(path: Path) -> None:
     assert not AttachedFile().load()
 
 
@@ -30,13 +30,13 @@ def test_round_trip(path: Path, attached: bool) -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"fre", b"\xff\xfe", b"attached"])
-def test_what_makes_no_sense_counts_as_attached(path: Path, data: bytes) -> None:
+def test_invalid_attached_file_loads_as_attached(path: Path, data: bytes) -> None:
     path.parent.mkdir(parents=True)
     path.write_bytes(data)
     assert AttachedFile().load()
 
 
-def test_what_cannot_be_read_counts_as_attached_and_is_told_when_it_cannot_be_written(path: Path) -> None:
+def test_unreadable_attached_file_loads_as_attached_and_save_reports_error(path: Path) -> None:
     path.mkdir(parents=True)
     file = AttachedFile()
     assert file.load()

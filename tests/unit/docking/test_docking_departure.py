@@ -37,7 +37,7 @@ def test_a_docking_from_staging_warns_for_two_seconds_and_no_more(stood: Bench) 
     assert warnings(stood) == pytest.approx(PARAMS.warning_s / TICK_S, abs=1)
 
 
-def test_after_navigation_has_driven_there_nobody_is_warned(stood: Bench) -> None:
+def test_docking_after_announced_navigation_skips_departure_warning(stood: Bench) -> None:
     stood.departure.announced()
     assert stood.begin() is None
     assert stood.run_to_end().success
@@ -55,7 +55,7 @@ def test_an_undocking_warns_once_the_latch_is_open(stood: Bench) -> None:
     assert warnings(stood) - before == pytest.approx(PARAMS.warning_s / TICK_S, abs=1)
 
 
-def test_somebody_in_the_way_takes_the_warning_back(stood: Bench) -> None:
+def test_safety_stop_during_docking_warning_restarts_warning(stood: Bench) -> None:
     stood.begin()
     stood.run(lambda: warnings(stood) > 20)
     stood.safety = stopped()

@@ -369,7 +369,7 @@ def test_hooks_left_closed_are_opened_before_the_dock() -> None:
     assert bench.run_to_end().success
 
 
-def test_a_latch_that_lets_go_by_itself_asks_for_an_emergency_stop_once() -> None:
+def test_unexpected_latch_release_requests_one_emergency_stop() -> None:
     bench = Bench().docked()
     bench.latch_position = 3
     bench.run(lambda: False, 2.0)
@@ -379,7 +379,7 @@ def test_a_latch_that_lets_go_by_itself_asks_for_an_emergency_stop_once() -> Non
     assert "let go" in bench.outputs[-1].text
 
 
-def test_a_latch_that_lets_go_before_the_docking_has_ended_ends_it() -> None:
+def test_latch_release_during_docking_fails_docking() -> None:
     bench = began(Bench())
     assert bench.run(lambda: "measuring the board again" in bench.outputs[-1].text)
     bench.latch_position = 3
@@ -390,7 +390,7 @@ def test_a_latch_that_lets_go_before_the_docking_has_ended_ends_it() -> None:
     assert stands(bench)
 
 
-def test_a_restarted_controller_whose_chair_came_loose_asks_for_an_emergency_stop_with_the_passenger_aboard() -> None:
+def test_latch_release_during_restart_requests_emergency_stop_and_keeps_attached() -> None:
     bench = Bench()
     bench.outputs.clear()
     bench.controller = DockingController(params(), CAMERAS, bench.departure)
@@ -449,7 +449,7 @@ def test_contact_ends_a_try() -> None:
     assert result.tries == 2
 
 
-def test_a_slope_is_no_contact() -> None:
+def test_constant_slope_force_is_not_detected_as_contact() -> None:
     bench = Bench()
     bench.faults.force_n = 60.0  # 3 deg with 120 kg, during the whole approach
     assert began(bench).run_to_end().tries == 1
@@ -563,7 +563,7 @@ def test_a_latch_that_does_not_open_keeps_everything_as_it_is() -> None:
     assert bench.outputs[-1].latch is LatchCommand.HOLD
 
 
-def test_a_robot_that_cannot_back_off_says_blocked() -> None:
+def test_undocking_with_stuck_wheels_returns_blocked() -> None:
     bench = Bench().docked()
     assert bench.controller.undock(bench.situation()) is None
     bench.reach(DockingState.SERVOING)
@@ -580,6 +580,6 @@ def test_time_that_stands_still_or_runs_back_moves_nothing() -> None:
         assert output.twist is None or output.twist.is_finite()
 
 
-def test_what_a_latched_docking_taught_is_used_by_the_next() -> None:
+def test_latched_docking_stores_camera_correction() -> None:
     bench = Bench().docked()
     assert bench.controller.corrections["chair_1"].dockings == 1

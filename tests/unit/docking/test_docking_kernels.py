@@ -67,7 +67,7 @@ def test_a_perfect_picture_gives_the_docks_pose(name: str, x: float, y: float, y
     assert (seen.stamp_s, seen.markers, seen.yaw_known) == (5.0, 4, True)
 
 
-def test_quality_tells_the_deviation() -> None:
+def test_sighting_sigma_is_derived_from_marker_quality() -> None:
     seen = sighting(markers_at(Pose2(1.0, 0.0, 0.0), dock("chair_1"), 0.0, 0.5), dock("chair_1"), CAMERAS[FRONT_CAMERA])
     assert seen is not None
     assert seen.sigma_m == pytest.approx(0.01)  # 1 / (1 + 1)
@@ -85,7 +85,7 @@ def test_a_camera_that_nods_moves_the_dock_by_less_than_its_height() -> None:
     assert abs(seen.dock.x - 0.95) < 1e-4  # at the dock's origin on the ground the error would be 0.9 mm
 
 
-def test_what_cannot_be_used_is_not_seen() -> None:
+def test_sighting_rejects_invalid_markers() -> None:
     own, camera = dock("chair_1"), CAMERAS[FRONT_CAMERA]
     good = markers_at(Pose2(1.0, 0.0, 0.0), own, 1.0)[0]
     bent = good.pose.copy()
@@ -134,7 +134,7 @@ def test_the_estimate_stays_where_it_is_while_the_robot_drives() -> None:
     assert target.estimate.pose.distance_to(Pose2(2.0, 1.0, 0.3)) < 1e-9
 
 
-def test_a_jump_is_refused_and_a_dock_that_was_moved_is_noticed() -> None:
+def test_target_rejects_jump_and_reports_moved_dock() -> None:
     target = DockTarget(params().target)
     target.see(seen_at(Pose2(1.0, 0.0, 0.0)), IDENTITY)
     away = seen_at(Pose2(1.0, 0.2, 0.0))
@@ -144,14 +144,14 @@ def test_a_jump_is_refused_and_a_dock_that_was_moved_is_noticed() -> None:
     assert target.estimate.pose == Pose2(1.0, 0.0, 0.0)
 
 
-def test_jumps_that_contradict_each_other_are_no_movement() -> None:
+def test_contradicting_jumps_are_not_reported_as_moved_dock() -> None:
     target = DockTarget(params().target)
     target.see(seen_at(Pose2(1.0, 0.0, 0.0)), IDENTITY)
     for k in range(20):
         assert target.see(seen_at(Pose2(1.0, 0.2 if k % 2 else -0.2, 0.0)), IDENTITY) is Seen.JUMPED
 
 
-def test_a_turned_board_is_a_jump_but_an_unknown_turn_is_none() -> None:
+def test_yaw_jump_is_rejected_only_if_yaw_is_known() -> None:
     target = DockTarget(params().target)
     target.see(seen_at(Pose2(1.0, 0.0, 0.0)), IDENTITY)
     assert target.see(seen_at(Pose2(1.0, 0.0, 0.5)), IDENTITY) is Seen.JUMPED
@@ -257,14 +257,14 @@ def test_pushing_is_more_than_rolling_on_whatever_slope(free_n: float) -> None:
     assert watch.excess_n > params().contact.force_n
 
 
-def test_unknown_effort_is_no_contact() -> None:
+def test_unknown_effort_is_not_detected_as_contact() -> None:
     watch = ContactWatch(params().contact)
     assert not roll(watch, math.nan, 0.05, 2.0)
     assert not watch.update(1000.0, 0.05, True, 0.0)
     assert watch.excess_n == 0.0
 
 
-def test_a_spike_is_no_contact() -> None:
+def test_effort_spike_is_not_detected_as_contact() -> None:
     watch = ContactWatch(params().contact)
     roll(watch, 10.0, 0.3, 2.0)
     assert not watch.update(60.0, 0.05, True, 0.05)
@@ -292,11 +292,11 @@ def test_a_movement_that_is_not_confirmed_fails_and_holds(inputs: LatchInputs) -
     assert motion.update(CLOSED, 13.0) is Motion.FAILED
 
 
-def test_time_that_is_no_number_fails_a_movement() -> None:
+def test_nan_time_fails_latch_motion() -> None:
     assert LatchMotion(LatchCommand.CLOSE, 10.0, 2.0).update(BETWEEN, math.nan) is Motion.FAILED
 
 
-def test_the_keeper_tells_a_latch_that_lets_go_once_and_only_then() -> None:
+def test_latch_keeper_reports_unexpected_release_once() -> None:
     keeper = LatchKeeper()
     assert keeper.attached is None
     assert not keeper.update(UNKNOWN, may_open=False)
@@ -317,7 +317,7 @@ def test_the_keeper_tells_a_latch_that_lets_go_once_and_only_then() -> None:
     assert keeper.attached is False
 
 
-def test_a_chair_that_came_loose_while_nobody_looked_was_let_go() -> None:
+def test_recalled_attachment_with_open_latch_is_reported_as_release() -> None:
     keeper = LatchKeeper()
     keeper.recall(True)
     assert keeper.attached is True
@@ -329,7 +329,7 @@ def test_a_chair_that_came_loose_while_nobody_looked_was_let_go() -> None:
     assert keeper.attached is False
 
 
-def test_what_is_recalled_and_still_there_is_no_event() -> None:
+def test_recalled_attachment_matching_latch_reports_no_release() -> None:
     keeper = LatchKeeper()
     keeper.recall(True)
     assert not keeper.update(CLOSED, may_open=False)
@@ -346,7 +346,7 @@ def test_what_is_recalled_and_still_there_is_no_event() -> None:
 DOCK_POSE = Pose2(-0.95, 0.0, 0.0)
 
 
-def test_a_camera_that_is_off_is_corrected_by_what_the_latch_knows() -> None:
+def test_camera_mounting_error_is_corrected_from_latched_pose() -> None:
     error = Pose2(0.001, -0.002, 0.0017)  # error of the mounting, at base_link
     true_dock = DOCK_POSE.inverse()
     sighted = [error.compose(true_dock)] * 5
@@ -368,5 +368,5 @@ def test_later_findings_count_in_part() -> None:
 
 
 @pytest.mark.parametrize("seen", [[], [Pose2(0.97, 0.0, 0.0)], [Pose2(0.95, 0.0, 0.05)], [Pose2(math.nan, 0.0, 0.0)]])
-def test_what_is_no_calibration_error_teaches_nothing(seen: list[Pose2]) -> None:
+def test_implausible_sightings_yield_no_correction(seen: list[Pose2]) -> None:
     assert isinstance(learnt(Correction(), seen, DOCK_POSE, 0.5, 0.01, 0.02), str)

@@ -12,11 +12,11 @@ from robot_stack.drive.arbitration import NO_COMMAND, Arbiter, Source
 A, B = Twist2(1.0, 0.0, 0.0), Twist2(0.0, 0.5, 0.1)
 
 
-def test_nobody_holds_a_silent_drive():
+def test_no_source_is_selected_without_commands():
     assert Arbiter().requested(5.0) == (None, NO_COMMAND)
 
 
-def test_the_highest_source_that_has_spoken_lately_holds():
+def test_highest_priority_source_with_fresh_command_is_selected():
     arbiter = Arbiter()
     arbiter.command(Source.NAVIGATION, A, 0.0)
     arbiter.command(Source.DOCKING, B, 0.05)
@@ -97,7 +97,7 @@ def released(*, at_s: float = 1.0) -> Arbiter:
     return arbiter
 
 
-def test_nobody_needs_to_rest_before_the_first_stop():
+def test_no_source_must_rest_before_first_stop():
     arbiter = Arbiter()
     arbiter.released(0.0)
     assert not any(arbiter.must_rest(source) for source in Source)
@@ -114,7 +114,7 @@ def test_a_held_command_is_obeyed_only_after_an_explicit_standstill():
 
 
 @pytest.mark.parametrize("gap_s", [0.25, 0.5, 3.6, 3600.0])
-def test_silence_is_no_rest(gap_s: float):
+def test_missing_commands_do_not_count_as_standstill_request(gap_s: float):
     arbiter = released()
     arbiter.command(Source.NAVIGATION, A, 1.1)
     arbiter.released(1.1 + gap_s)
@@ -122,7 +122,7 @@ def test_silence_is_no_rest(gap_s: float):
     assert arbiter.must_rest(Source.NAVIGATION)
 
 
-def test_a_source_that_was_silent_all_the_time_must_ask_for_standstill_too():
+def test_every_source_must_rest_after_release():
     assert all(released().must_rest(source) for source in Source)
     assert not released().must_rest(None)
 
@@ -146,7 +146,7 @@ def test_a_standstill_during_the_stop_does_not_count():
     assert not arbiter.must_rest(Source.TELEOP)
 
 
-def test_the_next_stop_asks_for_the_next_standstill():
+def test_each_stop_requires_new_standstill_request():
     arbiter = released()
     arbiter.command(Source.TELEOP, ZERO_TWIST, 1.1)
     arbiter.stopped()
@@ -155,7 +155,7 @@ def test_the_next_stop_asks_for_the_next_standstill():
 
 
 @pytest.mark.parametrize("nearly", [Twist2(math.nan, 0.0, 0.0), Twist2(1e-9, 0.0, 0.0), Twist2(0.0, 0.0, -1e-9)])
-def test_what_is_no_explicit_standstill_does_not_count(nearly: Twist2):
+def test_nearly_zero_command_does_not_count_as_standstill_request(nearly: Twist2):
     arbiter = released()
     arbiter.command(Source.TELEOP, nearly, 1.1)
     assert arbiter.must_rest(Source.TELEOP)

@@ -136,7 +136,7 @@ def _size(acceleration: Twist2) -> float:
     return math.hypot(acceleration.vx, acceleration.vy, acceleration.omega)
 
 
-def test_told_to_slow_down_it_never_speeds_up_first():
+def test_slower_target_never_raises_speed_first():
     twist, acceleration = ZERO_TWIST, ZERO_TWIST
     for _ in range(14):
         twist, acceleration = approach(twist, acceleration, Twist2(1.5, 0.0, 0.0), ZERO_TWIST, EMPTY, TICK_S)

@@ -112,7 +112,7 @@ def test_one_wheel_that_contradicts_is_found(motion: Twist2, module: int, size: 
     )
 
 
-def test_two_wheels_that_contradict_are_not_guessed_at():
+def test_two_contradicting_wheels_are_kept_and_fit_is_inconsistent():
     displacements = [(1.0, 0.0), (2.0, 0.0), (1.0, 0.0), (0.0, 1.0)]
     got = robust_fit(POSITIONS, displacements, 0.01)
     assert not got.consistent
@@ -214,7 +214,7 @@ def test_a_reading_right_after_another_does_not_halve_the_speed():
     assert got.pose.x == pytest.approx(0.5 * 4 * DT_S)
 
 
-def test_a_robot_that_stops_within_a_short_interval_is_told_to_stand_by_the_next():
+def test_stop_within_short_interval_reports_zero_speed_at_next_update():
     odometry = new_odometry()
     for stamp_s in (0.0, DT_S, DT_S + 0.002):
         odometry.update(Encoders(stamp_s, (0.5 * min(stamp_s, DT_S) / RADIUS,) * 4, ZEROS))
@@ -282,7 +282,7 @@ def test_wheel_radii_and_steering_zeros_are_learnt_from_the_ride(ride: PerfectRi
     assert got.pose.distance_to(ride.pose(last)) < 0.01
 
 
-def test_what_is_learnt_says_how_sure_it_is(ride: PerfectRide):
+def test_calibration_reports_deviations_of_estimates(ride: PerfectRide):
     odometry = new_odometry()
     for index in range(len(ride.stamps_s)):
         odometry.update(imperfect(ride.encoders(index, RADIUS)))
@@ -316,7 +316,7 @@ def test_nothing_is_learnt_from_standing_or_slipping_wheels():
     assert wheels.odometry.calibration.radius_errors == ZEROS
 
 
-def test_what_is_learnt_is_bounded():
+def test_calibrated_radius_error_is_bounded():
     """An error of 4 % is within the slip tolerance, but larger than any real radius error."""
     wheels = Wheels()
     for _ in range(3000):
@@ -350,7 +350,7 @@ def test_several_slipping_wheels_widen_the_covariance():
 
 
 @pytest.mark.parametrize("module", range(4))
-def test_drive_encoder_that_jumps_is_not_believed(module: int):
+def test_jumping_drive_encoder_is_excluded_and_reported(module: int):
     wheels = Wheels()
     wheels.move(Twist2(0.5, 0.0, 0.0))
     wheels.advance(Twist2(0.5, 0.0, 0.0))
@@ -366,7 +366,7 @@ def test_drive_encoder_that_jumps_is_not_believed(module: int):
     assert after.faults == ()
 
 
-def test_steering_encoder_that_jumps_is_not_believed():
+def test_jumping_steering_encoder_is_excluded_and_reported():
     wheels = Wheels()
     wheels.advance(Twist2(0.5, 0.0, 0.0))
     wheels.steer_rad[2] += 1.0

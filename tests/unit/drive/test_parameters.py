@@ -67,7 +67,7 @@ def test_missing_parameter_is_named():
         validate(SwerveControllerParams, data, "test")
 
 
-def test_what_becomes_of_the_robots_numbers():
+def test_module_limits_are_derived_from_robot_parameters():
     limits = module_limits(PARAMS.module, ROBOT)
     # 30 rad/s on 0.0825 m, 95 % of it; 80 % of the steering.
     assert limits.max_wheel_speed_mps == pytest.approx(0.95 * 30.0 * 0.0825)

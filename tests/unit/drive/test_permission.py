@@ -47,7 +47,7 @@ def test_all_well():
     assert (permission.ready, permission.reason) == (True, "navigation drives")
 
 
-def test_nobody_commands():
+def test_permission_reports_idle_without_command():
     assert decide(holder=None, requested=NO_COMMAND).reason == "idle"
 
 
@@ -90,7 +90,7 @@ def test_soft_stop_keeps_the_comfort(reason: str):
     assert permission.limits.speed_mps == 0.0
 
 
-def test_limit_with_speed_left_is_no_hard_stop():
+def test_nonzero_speed_limit_is_not_a_hard_stop():
     assert decide(speed_limit=limited(0.3, 0.5, "COLLISION_IMMINENT")).action is Action.DRIVE
     assert decide(speed_limit=limited(0.3, 0.5, "SLOPE")).limits.speed_mps == 0.3
 

@@ -203,7 +203,7 @@ def test_servos_need_permission(story: Story):
     assert story.session.state.snapshot is not None  # joint states are published anyway
 
 
-def test_refused_requests_are_told_and_repeated_at_their_pace(story: Story):
+def test_refused_servo_request_is_reported_and_repeated(story: Story):
     story.engine.codes["SetServoOn(1)"] = ErrorCode.ServoOffline
     _, text = story.tick(1.2)
     assert text == f"servo on: ServoOffline (error {int(ErrorCode.ServoOffline)})"
@@ -251,7 +251,7 @@ def test_no_motion_during_a_stop(story: Story):
     assert story.engine.started == []
 
 
-def test_stop_that_a_new_session_finds_is_somebody_elses_and_needs_both_keys(story: Story):
+def test_existing_stop_at_session_start_requires_stop_and_release(story: Story):
     """A restarted session cannot know the reason of the stop: a person may stand in front of the robot."""
     story.engine.snapshot = replace(story.engine.snapshot, emergency_stop=True)
     story.tick(1.0, may=False)
@@ -267,7 +267,7 @@ def test_stop_that_a_new_session_finds_is_somebody_elses_and_needs_both_keys(sto
     assert story.session.ready
 
 
-def test_stop_by_somebody_else_is_not_released_by_itself(story: Story):
+def test_external_stop_requires_stop_and_release(story: Story):
     story.ready()
     story.engine.snapshot = replace(story.engine.snapshot, emergency_stop=True)
     stage, text = story.tick(5.0)
@@ -344,7 +344,7 @@ def test_ended_engine_is_forgotten_and_found_again(story: Story):
     assert story.session.ready
 
 
-def test_engine_that_hangs_is_not_asked_all_the_time(story: Story):
+def test_hanging_engine_is_not_polled_every_tick(story: Story):
     """Every call would block the node for its whole timeout."""
     story.ready()
     story.engine.codes |= {
@@ -361,7 +361,7 @@ def test_engine_that_hangs_is_not_asked_all_the_time(story: Story):
     assert story.session.ready
 
 
-def test_short_status_is_no_status(story: Story):
+def test_status_with_too_few_axes_is_rejected(story: Story):
     story.ready()
     story.engine.snapshot = replace(empty_snapshot(4), engine_state=EngineState.Communicating)
     assert story.tick()[0] is Stage.CONNECTING
@@ -384,7 +384,7 @@ def test_headings_go_first_and_wheels_only_after_them(story: Story):
     assert story.engine.started == started
 
 
-def test_what_the_engine_has_taken_over_is_returned(story: Story):
+def test_follow_returns_set_points_accepted_by_engine(story: Story):
     set_points = ModuleSetPoints((0.1, 0.1, 0.1, 0.1), (0.2, 0.2, 0.2, 0.2))
     assert story.session.follow(set_points) == (None, "not ready: waiting for the motion engine")
     story.ready()
@@ -404,7 +404,7 @@ def test_what_the_engine_has_taken_over_is_returned(story: Story):
     assert applied.problem.startswith("engine status: StatusChannelError")
 
 
-def test_wheels_that_nobody_commands_are_stopped_once(story: Story):
+def test_uncommanded_moving_wheels_are_stopped(story: Story):
     story.ready()
     snapshot = story.session.state.snapshot
     assert snapshot is not None
@@ -439,7 +439,7 @@ def test_a_refused_rest_of_some_wheels_leaves_the_others_unmoved(story: Story):
     assert "StartVel_TimedVel" not in story.engine.calls
 
 
-def test_session_asks_for_no_watchdog(story: Story):
+def test_ready_session_only_queries_device_name(story: Story):
     """The fake has no such call, since the vendor's watchdog stops no axis."""
     story.ready()
     story.tick(5.0)

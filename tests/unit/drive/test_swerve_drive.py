@@ -97,7 +97,7 @@ def test_reversing_turns_no_module():
     assert story.output.modules.speeds_mps == pytest.approx((-1.0,) * 4)
 
 
-def test_wish_that_is_too_fast_is_scaled_as_a_whole():
+def test_too_fast_twist_is_scaled_uniformly():
     story = Story()
     story.ride(Twist2(30.0, 40.0, 5.0), 5.0)
     assert close(story.output.twist, Twist2(0.9, 1.2, 0.15), 1e-6)
@@ -120,7 +120,7 @@ def test_passenger_is_driven_more_gently():
     assert story.output.twist.vx == pytest.approx(1.0)
 
 
-def test_tiny_wish_is_none():
+def test_tiny_twist_is_ignored():
     story = Story()
     assert story.ride(Twist2(0.0009, 0.0, 0.0019), 0.5)[-1].state is DriveState.HOLDING
     assert story.ride(Twist2(0.002, 0.0, 0.0), 1.0)[-1].twist == Twist2(0.002, 0.0, 0.0)
@@ -218,7 +218,7 @@ def test_braking_uses_the_emergency_deceleration_whatever_is_wished():
     assert outputs[-1].twist == ZERO_TWIST
 
 
-def test_what_stands_or_brakes_already_need_not_begin_to_brake():
+def test_may_brake_only_while_driving_without_braking():
     story = Story()
     assert not story.drive.may_brake
     story.ride(FORWARD, 1.0)

@@ -127,7 +127,7 @@ def test_stop_asked_for_again_and_again_is_one_even_ramp(start: tuple[float, flo
     assert velocities == pytest.approx([0.0] * 4, abs=1e-12)
 
 
-def test_standing_wheels_told_to_stand():
+def test_moves_of_standing_wheels_have_zero_speed_and_positive_acceleration():
     for move in (*stop_moves([0.0] * 4, SETTINGS), *drive_moves((0.0, 0.0, 0.0, 0.0), [0.0] * 4, SETTINGS)):
         assert move.velocity_radps == 0.0
         assert move.acceleration_radps2 > 0.0

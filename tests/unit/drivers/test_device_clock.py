@@ -40,7 +40,7 @@ def test_drift_is_followed(ppm: float) -> None:
     assert clock.jumps == 0
 
 
-def test_a_drift_no_quartz_has_is_not_believed() -> None:
+def test_clock_drift_estimate_is_bounded() -> None:
     clock = DeviceClock(PARAMS)
     run(clock, 0.0, 30.0, lambda _: 0.0, drift=-1e-3)
     assert clock.drift_ppm == pytest.approx(200.0)
@@ -54,7 +54,7 @@ def test_a_line_that_is_held_up_moves_nothing() -> None:
 
 
 @pytest.mark.parametrize("step_s", [-1.0, -0.06])
-def test_a_clock_that_is_set_back_is_noticed_at_once(step_s: float) -> None:
+def test_clock_set_back_is_detected_immediately(step_s: float) -> None:
     clock = DeviceClock(PARAMS)
     run(clock, 0.0, 20.0, lambda _: 0.001)
     errors = run(clock, 20.0, 21.0, lambda _: 0.001, offset_s=EPOCH_S + step_s)
@@ -62,7 +62,7 @@ def test_a_clock_that_is_set_back_is_noticed_at_once(step_s: float) -> None:
     assert abs(errors[:, 0] - 0.001).max() < 2e-4
 
 
-def test_a_clock_that_is_set_ahead_is_noticed_once_it_stays() -> None:
+def test_clock_set_ahead_is_detected_once_it_persists() -> None:
     clock = DeviceClock(PARAMS)
     run(clock, 0.0, 20.0, lambda _: 0.001)
     errors = run(clock, 20.0, 25.0, lambda _: 0.001, offset_s=EPOCH_S + 1.0)
@@ -71,7 +71,7 @@ def test_a_clock_that_is_set_ahead_is_noticed_once_it_stays() -> None:
     assert abs(errors[:150, 0] + 1.0).max() < 0.01
 
 
-def test_a_device_that_begins_anew_is_noticed() -> None:
+def test_restarted_device_clock_is_detected() -> None:
     clock = DeviceClock(PARAMS)
     run(clock, 100.0, 110.0, lambda _: 0.001)
     errors = run(clock, 0.0, 1.0, lambda _: 0.001, offset_s=EPOCH_S + 110.0)

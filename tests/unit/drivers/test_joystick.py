@@ -74,7 +74,7 @@ def test_events_are_read_however_they_come(data: str, event: Event) -> None:
         ("00000000 FFFF 01 04", "button 4 is -1"),
     ],
 )
-def test_what_is_no_event_is_refused(data: str, what: str) -> None:
+def test_malformed_joystick_event_is_rejected(data: str, what: str) -> None:
     with pytest.raises(EventRefused, match=what):
         Decoder().feed(bytes.fromhex(data))
 
@@ -88,7 +88,7 @@ def test_nothing_is_commanded_without_the_button() -> None:
     assert hand.teleop.grip is Grip.RELEASED
 
 
-def test_the_held_button_lets_the_sticks_command() -> None:
+def test_held_dead_man_button_enables_stick_command() -> None:
     hand = Hand().holds()
     assert hand.command == ZERO_TWIST
     hand.does(axis(AHEAD, -1.0), axis(LEFT, -1.0), axis(TURN, 1.0))
@@ -161,7 +161,7 @@ def test_a_device_that_is_pulled_is_a_release() -> None:
     assert hand.holds().command == ZERO_TWIST, "nothing is known of where the sticks stood before"
 
 
-def test_an_emergency_stop_asks_for_a_new_press() -> None:
+def test_emergency_stop_requires_new_dead_man_press() -> None:
     hand = Hand().holds().does(axis(AHEAD, -1.0))
     hand.teleop.stopped(hand.now_s)
     assert hand.command == ZERO_TWIST
@@ -172,7 +172,7 @@ def test_an_emergency_stop_asks_for_a_new_press() -> None:
     assert hand.holds().command == ZERO_TWIST
 
 
-def test_a_time_that_is_no_number_moves_nothing() -> None:
+def test_nan_time_yields_no_teleop_command() -> None:
     hand = Hand().holds().does(axis(AHEAD, -1.0))
     assert hand.teleop.command(float("nan")) is None
 

@@ -64,7 +64,7 @@ def test_alarms(address: int, health: Health, says: str) -> None:
     assert made.values(0.0)["alarms"] == says.replace(" ", "_")
 
 
-def test_what_the_device_lacks_is_unknown_not_zero() -> None:
+def test_missing_registers_are_reported_as_unknown() -> None:
     made = battery()
     reading = made.received({259: 5200, 261: 0, 266: 1000}, 0.0)
     assert reading is not None
@@ -85,7 +85,7 @@ def test_what_the_device_lacks_is_unknown_not_zero() -> None:
         (VENDOR | {304: 0}, "the state of health is 0 %"),
     ],
 )
-def test_what_cannot_be_true_is_refused_and_the_reading_before_grows_old(raw: dict[int, int], says: str) -> None:
+def test_implausible_reading_is_rejected_and_previous_reading_expires(raw: dict[int, int], says: str) -> None:
     made = battery()
     assert made.received(VENDOR | ALARMS, 0.0) is not None
     assert made.received(raw, 1.0) is None

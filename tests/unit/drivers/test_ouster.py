@@ -36,7 +36,7 @@ def stepped(frame: int, column: int, beam: int) -> tuple[int, int]:
 # --- metadata ---------------------------------------------------------------------------------------------------------
 
 
-def test_metadata_of_both_forms_say_the_same() -> None:
+def test_nested_and_flat_metadata_are_equal() -> None:
     device = Os(profile=LOW_RATE, window=(370, 85))
     metadata = parse(device.metadata(), "here")
     assert metadata == parse(device.flat_metadata(), "there")
@@ -44,7 +44,7 @@ def test_metadata_of_both_forms_say_the_same() -> None:
     assert (metadata.window, metadata.period_s, metadata.beam_origin_mm()) == ((370, 85), 0.1, (15.806, 0.0))
 
 
-def test_what_old_firmware_does_not_say_is_what_it_could_do() -> None:
+def test_missing_metadata_of_old_firmware_uses_defaults() -> None:
     lacking = {"udp_profile_lidar": None, "column_window": None, "beam_to_lidar_transform": None}
     metadata = parse(Os(profile=LEGACY).metadata(**lacking), "here")
     assert layout_of(metadata, "here").legacy
@@ -74,7 +74,7 @@ def test_metadata_that_do_not_fit_together_are_refused_by_name(changes: dict[str
         parse(Os().metadata(**changes), "here")
 
 
-def test_what_is_no_metadata_is_refused() -> None:
+def test_malformed_metadata_is_rejected() -> None:
     for text, what in (("{", "here: not valid JSON"), ("[1]", "must be an object, is a list"), ("[" * 9999, "JSON")):
         with pytest.raises(ConfigError, match=what):
             parse(text, "here")
@@ -181,7 +181,7 @@ def test_packets_of_another_sensor_than_the_metadata_describe_are_refused_by_nam
         decoded(ours.packet(0, 32), Os(window=(100, 20)))
 
 
-def test_legacy_packets_tell_by_the_encoder_that_the_mode_is_another() -> None:
+def test_legacy_packet_of_other_mode_is_detected_by_encoder() -> None:
     ours, theirs = Os(profile=LEGACY), Os(profile=LEGACY, columns=1024)
     with pytest.raises(OtherSensor, match="column 48 lies at encoder tick 4224, expected 8448: 512 columns of a turn"):
         decoded(theirs.packet(0, 48), ours)
@@ -245,7 +245,7 @@ def test_a_beam_that_begins_above_the_origin() -> None:
     assert np.allclose(xyz_of(points)[0], (4.95 + 0.03, 0.0, 0.04), atol=1e-6)
 
 
-def test_ranges_beyond_the_limits_and_columns_that_were_not_measured_are_no_points() -> None:
+def test_points_exclude_ranges_beyond_limits_and_unmeasured_columns() -> None:
     ranges = {0: 999, 1: 1000, 2: 2000, 3: 2001}
     device = Os(lambda frame, column, beam: (ranges.get(beam, 0), 1), window=(0, 9))
     metadata = parse(device.metadata(), "here")

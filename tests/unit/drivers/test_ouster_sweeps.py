@@ -106,7 +106,7 @@ def test_the_lidar_may_be_turned() -> None:
     assert np.allclose(ours.points["y"], theirs.points["x"], atol=1e-5)
 
 
-def test_ranges_beyond_the_limits_are_no_points() -> None:
+def test_sweep_excludes_ranges_beyond_limits() -> None:
     ranges = {0: 992, 1: 1000, 2: 20_000, 3: 20_008}
     for profile in PROFILES:
         device = Os(lambda frame, column, beam: (ranges.get(beam, 0), 1), profile)
@@ -143,7 +143,7 @@ def test_packets_outside_the_window_are_not_waited_for_and_do_no_harm() -> None:
     assert alone.drift_ppm == 0.0
 
 
-def test_a_covered_lidar_is_said() -> None:
+def test_sweep_without_returns_is_reported() -> None:
     device = Os(lambda frame, column, beam: (0, 0) if frame < 2 else (5000, 1))
     built = builder(device)
     assert not run(built, list(device.packets(2 * TURN)))
@@ -179,7 +179,7 @@ def test_lost_packets_leave_holes() -> None:
     assert np.allclose(np.diff(stamps), np.diff(ends), atol=1e-3)
 
 
-def test_a_sweep_that_lacks_its_end_is_none() -> None:
+def test_sweep_without_end_is_counted_incomplete() -> None:
     device = Os()
     packets: list[bytes | None] = list(device.packets(4 * TURN))
     packets[2 * TURN - 8 : 2 * TURN] = [None] * 8
@@ -188,7 +188,7 @@ def test_a_sweep_that_lacks_its_end_is_none() -> None:
     assert counted(built) == {LOST: 8, INCOMPLETE: 1}
 
 
-def test_whole_frames_that_are_lost_are_counted() -> None:
+def test_lost_whole_frames_are_counted() -> None:
     device = Os()
     packets: list[bytes | None] = list(device.packets(6 * TURN))
     packets[TURN + 5 : 4 * TURN] = [None] * (3 * TURN - 5)
@@ -230,7 +230,7 @@ def test_a_packet_that_comes_after_its_frame_is_not_used() -> None:
         assert np.allclose(np.linalg.norm(xyz_of(sweep.points), axis=1), 3.0 + 0.1 * number, atol=0.02)
 
 
-def test_corrupt_packets_are_counted_and_named_and_the_rest_goes_on() -> None:
+def test_corrupt_packets_are_counted_and_reported_and_sweeps_continue() -> None:
     device = Os()
     packets: list[bytes | None] = list(device.packets(2 * TURN))
     packets[5] = b"\x07" + packets[5][1:]
@@ -282,7 +282,7 @@ def test_a_lidar_that_was_silent_goes_on_with_whole_sweeps(profile: str) -> None
     assert sweeps[0].stamp_s == pytest.approx(NOW_S + 3.2, abs=0.005)
 
 
-def test_a_sensor_that_was_switched_off_begins_anew_by_what_it_says() -> None:
+def test_restarted_sensor_is_detected_by_initialization_id() -> None:
     device = Os(begin_ns=900_000_000_000)
     built = builder(device)
     run(built, list(device.packets(TURN + 10)))
@@ -293,7 +293,7 @@ def test_a_sensor_that_was_switched_off_begins_anew_by_what_it_says() -> None:
     assert NOW_S + 60.0 < sweeps[0].stamp_s < NOW_S + 60.3
 
 
-def test_a_legacy_sensor_that_was_switched_off_begins_anew_by_its_time() -> None:
+def test_restarted_legacy_sensor_is_detected_by_time() -> None:
     device = Os(profile=LEGACY, begin_ns=900_000_000_000)
     built = builder(device)
     run(built, list(device.packets(TURN + 10)))
@@ -304,7 +304,7 @@ def test_a_legacy_sensor_that_was_switched_off_begins_anew_by_its_time() -> None
     assert NOW_S + 60.0 < sweeps[0].stamp_s < NOW_S + 60.3
 
 
-def test_frames_that_are_counted_anew_while_the_time_goes_on() -> None:
+def test_restarted_frame_numbers_with_continuous_time_yield_whole_sweeps() -> None:
     """A reconfigured legacy sensor on PTP time restarts its frame numbers."""
     device = Os(profile=LEGACY)
     built = builder(device)
@@ -315,7 +315,7 @@ def test_frames_that_are_counted_anew_while_the_time_goes_on() -> None:
     assert counted(built) == {}
 
 
-def test_a_clock_that_is_set_while_it_runs_is_noticed() -> None:
+def test_sensor_clock_step_is_counted_as_jump() -> None:
     """PTP synchronises in the middle of a frame: its packets before and after are unrelated."""
     before, after = Os(), Os(begin_ns=1_795_000_000_000_000_000)
     built = builder(before)
@@ -326,7 +326,7 @@ def test_a_clock_that_is_set_while_it_runs_is_noticed() -> None:
     assert sweeps[-1].stamp_s == pytest.approx(NOW_S + 0.3, abs=0.005)
 
 
-def test_packets_without_a_measured_column_tell_no_time() -> None:
+def test_packets_without_measured_column_are_not_used_for_time() -> None:
     """A sensor sends them while it warms up, with status 0 and arbitrary times."""
     device = Os()
     (data,) = device.packets(1)

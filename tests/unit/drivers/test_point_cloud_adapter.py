@@ -116,7 +116,7 @@ def test_points_that_are_not_finite_are_left_out(value: float) -> None:
     assert np.isfinite(xyz_of(sweep.points)).all()
 
 
-def test_points_at_the_origin_are_left_out_but_tell_the_time() -> None:
+def test_points_at_origin_are_removed_but_count_for_sweep_start() -> None:
     """Ouster's empty points are zeros. Those of the first column, which points at the sky, start the sweep."""
     sky = SEEN.xyz.copy()
     sky[:400] = 0.0
@@ -137,7 +137,7 @@ def test_a_point_without_a_time_is_left_out() -> None:
     assert sweep.empty == 1
 
 
-def test_intensities_end_where_the_contract_says() -> None:
+def test_intensities_are_clipped_to_contract_range() -> None:
     cloud = with_points(cloud_of(VELODYNE, SEEN), VELODYNE, "intensity", 0, 3000.0)
     cloud = with_points(cloud, VELODYNE, "intensity", 1, np.nan)
     assert adapter().convert(cloud, ARRIVAL_S).points["intensity"][:3].tolist() == [255.0, 0.0, 100.0]
@@ -152,7 +152,9 @@ OFFSET = pytest.mark.parametrize("vendor", [OUSTER, LIVOX_OFFSET, NEBULA], ids=l
 @ABSOLUTE
 @pytest.mark.parametrize("configured", ["auto", "same"])
 @pytest.mark.parametrize(("after_s", "at"), [(0.0, "first"), (SPAN_S, "last"), (0.05, "trigger")])
-def test_absolute_times_tell_what_the_stamp_is(vendor: Vendor, configured: str, after_s: float, at: str) -> None:
+def test_stamp_position_is_detected_from_absolute_times(
+    vendor: Vendor, configured: str, after_s: float, at: str
+) -> None:
     converter = adapter(stamp_at="auto" if configured == "auto" else at)
     sweep = converter.convert(cloud_of(vendor, SEEN, stamp_s=START_S + after_s), ARRIVAL_S)
     assert sweep.stamp_at.value == at
@@ -169,7 +171,7 @@ def test_a_stamp_elsewhere_than_configured_is_refused(vendor: Vendor) -> None:
 
 
 @ABSOLUTE
-def test_points_by_another_clock_need_to_be_told_where_the_stamp_is(vendor: Vendor) -> None:
+def test_points_of_another_clock_require_configured_stamp_position(vendor: Vendor) -> None:
     host_s = START_S + 5000.0
     cloud = cloud_of(vendor, SEEN, stamp_s=host_s)
     with pytest.raises(
@@ -183,7 +185,7 @@ def test_points_by_another_clock_need_to_be_told_where_the_stamp_is(vendor: Vend
 
 
 @OFFSET
-def test_offsets_of_a_stamp_at_the_last_point_are_noticed_because_nothing_comes_from_the_future(vendor: Vendor) -> None:
+def test_stamp_at_last_point_is_detected_from_arrival_time(vendor: Vendor) -> None:
     converter = adapter()
     sweep = converter.convert(cloud_of(vendor, SEEN, stamp_s=END_S), ARRIVAL_S)
     assert sweep.stamp_at is StampAt.LAST
@@ -196,13 +198,13 @@ def test_offsets_of_a_stamp_at_the_last_point_are_noticed_because_nothing_comes_
 
 
 @OFFSET
-def test_offsets_counted_from_the_first_point_below_a_stamp_of_the_last_if_told(vendor: Vendor) -> None:
+def test_offsets_from_first_point_with_configured_stamp_at_last_point(vendor: Vendor) -> None:
     sweep = adapter(stamp_at="last").convert(cloud_of(vendor, SEEN, stamp_s=END_S), END_S + 0.15)
     assert sweep.stamp_s == pytest.approx(END_S)
 
 
 @pytest.mark.parametrize(("zero_s", "at"), [(0.0, "first"), (SPAN_S - 0.001, "last"), (0.04, "trigger")])
-def test_signed_offsets_tell_what_the_stamp_is(zero_s: float, at: str) -> None:
+def test_stamp_position_is_detected_from_signed_offsets(zero_s: float, at: str) -> None:
     """Velodyne's driver stamps the last packet, so the offsets of that packet's points are positive."""
     for configured in ("auto", at):
         cloud = cloud_of(VELODYNE, SEEN, stamp_s=START_S + zero_s, zero_s=zero_s)
@@ -267,7 +269,7 @@ def test_lost_doubled_and_swapped_sweeps_are_counted() -> None:
     assert converter.counters.values()[REFUSED] == "1"
 
 
-def test_a_clock_that_was_set_back_begins_anew() -> None:
+def test_cloud_with_clock_set_back_is_accepted() -> None:
     converter = adapter()
     converter.convert(cloud_of(OUSTER, SEEN), ARRIVAL_S)
     earlier = cloud_of(OUSTER, SEEN, stamp_s=START_S - 100.0)
@@ -321,7 +323,7 @@ def test_times_that_are_all_not_finite_are_refused() -> None:
         adapter().convert(cloud, ARRIVAL_S)
 
 
-def test_a_single_row_whose_length_is_not_told_is_read() -> None:
+def test_single_row_cloud_with_zero_row_step_is_accepted() -> None:
     assert len(adapter().convert(changed(row_step=0), ARRIVAL_S).points) == len(SEEN.xyz)
 
 
@@ -341,7 +343,7 @@ def test_lines_that_wander_keep_their_numbers() -> None:
     assert (points["ring"] == mixed.ring).all()
 
 
-def test_one_ring_tells_no_order_and_the_next_sweep_does() -> None:
+def test_ring_order_is_unknown_until_sweep_with_several_rings() -> None:
     few = replace(SEEN, xyz=np.where((SEEN.ring == 3)[:, None], SEEN.xyz, 0.0).astype(np.float32))
     converter = adapter()
     converter.convert(cloud_of(OUSTER, few), ARRIVAL_S)

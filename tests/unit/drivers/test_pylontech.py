@@ -152,7 +152,7 @@ def test_health_is_the_worst_complaint(place: str, flags: bytes, health: Health)
     assert bool(pack.problem(0.0)) == (place == "protections" and health is not Health.GOOD)
 
 
-def test_a_battery_that_switches_itself_off_says_so() -> None:
+def test_battery_protections_and_requests_are_reported() -> None:
     assert pack_of(Battery(protections=b"\x88\x00")).problem(0.0) == (
         "the battery reports active protections: over temperature, discharge over current"
     )
@@ -166,7 +166,7 @@ def test_a_battery_that_switches_itself_off_says_so() -> None:
 
 
 @pytest.mark.parametrize(("silent", "name"), [(0x355, "0x355"), (0x356, "0x356")])
-def test_one_old_frame_and_there_is_no_reading(silent: int, name: str) -> None:
+def test_one_stale_frame_invalidates_reading(silent: int, name: str) -> None:
     pack = pack_of(Battery(), now_s=0.0)
     for number, data in Battery().frames():
         if number != silent:
@@ -176,7 +176,7 @@ def test_one_old_frame_and_there_is_no_reading(silent: int, name: str) -> None:
     assert pack.problem(3.1).startswith(f"no frame {name} ")
 
 
-def test_a_battery_that_never_tells_its_protections_has_no_known_health() -> None:
+def test_battery_without_protection_frame_has_unknown_health() -> None:
     """Newer models send 0x35A instead of 0x359."""
     pack = Pack(params().pack)
     for number, data in Battery().frames():
@@ -190,7 +190,7 @@ def test_a_battery_that_never_tells_its_protections_has_no_known_health() -> Non
     assert {values[key] for key in ("manufacturer", "protections", "alarms", "may be charged")} == {"not heard"}
 
 
-def test_protections_that_are_old_are_not_believed() -> None:
+def test_stale_protections_yield_unknown_health() -> None:
     pack = pack_of(Battery(), now_s=0.0)
     for number, data in Battery().frames()[2:4]:
         pack.received(number, data, 10.0)
@@ -209,7 +209,7 @@ def test_protections_that_are_old_are_not_believed() -> None:
         (Battery(temperature_c=150.0), r"the temperature is 150\.0"),
     ],
 )
-def test_nonsense_is_refused_and_what_was_there_grows_old(battery: Battery, what: str) -> None:
+def test_implausible_frame_is_rejected_and_previous_reading_expires(battery: Battery, what: str) -> None:
     pack = pack_of(Battery(), battery)
     assert pack.counters[REFUSED] == 1
     assert re.search(what, pack.refusal)

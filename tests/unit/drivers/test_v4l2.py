@@ -49,13 +49,13 @@ def test_a_jpeg_may_be_padded(padding: int) -> None:
 
 
 @pytest.mark.parametrize("kept", [0, 2, 100, 400])
-def test_a_jpeg_that_is_cut_off_is_none(kept: int) -> None:
+def test_truncated_jpeg_is_rejected(kept: int) -> None:
     assert kept < len(jpeg())
     with pytest.raises(BadFrame, match="is no JPEG" if kept == 0 else "is cut off"):
         decode(jpeg()[:kept], PixelFormat.MJPG, HEIGHT, WIDTH)
 
 
-def test_a_jpeg_of_nothing_between_its_ends_is_none() -> None:
+def test_empty_jpeg_is_rejected() -> None:
     with pytest.raises(BadFrame, match="cannot be decoded"):
         decode(np.frombuffer(b"\xff\xd8\x00\x01\xff\xd9", np.uint8), PixelFormat.MJPG, HEIGHT, WIDTH)
 

@@ -157,7 +157,7 @@ def test_a_lidar_that_was_silent_goes_on_with_whole_sweeps() -> None:
     assert built.counters[INCOMPLETE] <= 2
 
 
-def test_a_lidar_that_was_switched_off_begins_anew() -> None:
+def test_restarted_lidar_is_counted_as_clock_jump_without_losses() -> None:
     built = builder()
     run(built, list(Vlp16(everywhere, hour_s=1000.0).packets(2 * TURN)))
     sweeps = run(built, list(Vlp16(everywhere, hour_s=2.0).packets(3 * TURN)), NOW_S + 20.0)
@@ -173,7 +173,7 @@ def test_a_clock_that_is_set_ahead_counts_no_losses() -> None:
     assert (built.counters[JUMPS], built.counters[LOST]) == (1, 0)
 
 
-def test_half_a_turn_is_no_sweep() -> None:
+def test_half_turn_is_counted_incomplete() -> None:
     """The sensor turns twice as fast as config/robot.yaml specifies."""
     built = builder()
     assert run(built, list(Vlp16(everywhere, turns_hz=20.0).packets(3 * TURN))) == []

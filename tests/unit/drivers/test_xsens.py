@@ -98,7 +98,7 @@ def test_too_much_for_a_frame() -> None:
     assert counters[SKIPPED] == 6
 
 
-def test_half_a_frame_is_forgotten_when_the_line_is_opened_anew() -> None:
+def test_partial_frame_is_discarded_on_restart_of_line() -> None:
     line, counters = decoder()
     line.feed(BY_HAND[:7])
     line.restart()
@@ -149,7 +149,7 @@ def test_every_precision_is_read(number: int, data: bytes) -> None:
         (packet(0x1060, ">H", 1) + LEVEL + FORCE + RATE, "packet 0x1060 has 2 bytes, expected 4"),
     ],
 )  # fmt: skip
-def test_what_cannot_be_used_is_refused_by_name(data: bytes, what: str) -> None:
+def test_unusable_measurement_is_rejected_with_reason(data: bytes, what: str) -> None:
     with pytest.raises(MeasurementRefused, match=what):
         measurement(data)
 
@@ -185,7 +185,7 @@ def test_the_units_axes_become_the_robots() -> None:
     assert sample.stamp_s == pytest.approx(NOW_S - 0.007)
 
 
-def test_a_unit_upside_down_on_a_level_robot_says_level() -> None:
+def test_upside_down_unit_on_level_robot_reports_level_attitude() -> None:
     unit = Unit(params(rpy_deg=[180.0, 0.0, 0.0]))
     motion = Motion(orientation_wxyz=(0.0, 1.0, 0.0, 0.0), acceleration_mps2=(0.0, 0.0, -9.81))
     (sample,) = unit.received(Mti().sample(motion), NOW_S)

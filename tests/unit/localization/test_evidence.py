@@ -35,7 +35,7 @@ def problem(match: Match) -> str:
     return problem_of(match, HERE, 0.01, 0.001, params().ndt.gate)
 
 
-def test_a_match_of_low_score_counts_if_everything_else_speaks_for_it() -> None:
+def test_low_score_match_is_accepted_with_sufficient_evidence() -> None:
     assert problem(found(0.3)) == ""
 
 
@@ -52,7 +52,7 @@ def test_a_match_of_low_score_counts_if_everything_else_speaks_for_it() -> None:
         ({"residual": math.nan}, "variances"),
     ],
 )
-def test_each_lack_of_evidence_is_named_and_what_nobody_asked_for_is_one(changed: dict[str, float], word: str) -> None:
+def test_missing_evidence_is_reported_by_criterion(changed: dict[str, float], word: str) -> None:
     assert word in problem(found(0.3, **changed))
 
 
@@ -75,7 +75,7 @@ def test_more_than_half_explained_is_refused_if_the_rays_pass_through_the_map() 
     assert problem(found(0.9, pierced=math.nan)) == ""
 
 
-def test_the_quality_of_what_the_gate_accepts_lets_the_robot_drive() -> None:
+def test_match_accepted_by_gate_has_driving_quality() -> None:
     ndt = params().ndt
     least = found(ndt.gate.evidence.least_score, contrast=ndt.gate.evidence.min_contrast)
     assert lack_of_evidence(least, ndt.gate.evidence) == ""
@@ -104,7 +104,7 @@ def test_too_few_points_weigh_nothing() -> None:
     assert math.isnan(matcher().weighed(np.zeros((5, 3)), bare, np.array(LIDAR)).contrast)
 
 
-def test_the_solver_weighs_only_what_the_score_leaves_open() -> None:
+def test_solver_computes_contrast_only_below_sure_score() -> None:
     request = MatchRequest(0.0, sweep_from(HERE), np.zeros((1, 4)), pose_of(HERE, 0.0, UP), UP, 0.2, None, IDENTITY, 0)
     sure = solver().solve(request).match
     assert sure is not None
@@ -176,7 +176,7 @@ class Car:
 
 
 @needs_sweeps
-def test_on_the_street_the_robot_knows_where_it_is_and_may_drive() -> None:
+def test_street_localization_converges_to_tracking() -> None:
     site = street()[0]
     car = Car(site, site.truth.compose(Pose2(0.25, -0.2, 0.02))).stand(15)
     assert car.localizer.confidence is Confidence.TRACKING
@@ -187,7 +187,7 @@ def test_on_the_street_the_robot_knows_where_it_is_and_may_drive() -> None:
 
 
 @needs_sweeps
-def test_on_the_street_a_start_somewhere_else_is_never_believed() -> None:
+def test_street_localization_rejects_wrong_initial_pose() -> None:
     site = street()[0]
     car = Car(site, site.truth.compose(Pose2(-9.0, 1.0, 0.0)))
     for _ in range(12):

@@ -42,7 +42,7 @@ def test_wheels_and_gyro_share_by_their_variances() -> None:
     assert state.yaw_sigma_rad**2 == pytest.approx(1e-6 + 0.75e-4)
 
 
-def test_slipping_wheels_lose_their_say() -> None:
+def test_filter_follows_gyro_when_wheels_slip() -> None:
     kalman = pose_filter(bias_sigma=0.0)
     slipped = kalman.predict(step(motion=Pose2(0.0, 0.0, 0.1), yaw_variance=1e-8, gyro=GyroIncrement(0.0, 1e-8)))
     assert slipped
@@ -139,7 +139,7 @@ def test_correction_older_than_the_last_is_refused() -> None:
     assert kalman.correct(Pose2(1.6, 0.0, 0.0), np.eye(3), 1.6, 5.0) is Correction.TOO_OLD
 
 
-def test_refused_outlier_leaves_the_history_whole() -> None:
+def test_rejected_outlier_leaves_history_unchanged() -> None:
     kalman = history()
     before = kalman.state()
     assert kalman.correct(Pose2(9.0, 0.0, 0.0), np.eye(3) * 1e-4, 1.51, 5.0) is Correction.OUTLIER

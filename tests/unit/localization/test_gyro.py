@@ -59,7 +59,7 @@ def test_a_held_rate_is_made_good_by_the_next_increment() -> None:
     assert first.angle_rad + second.angle_rad == pytest.approx(0.07)
 
 
-def test_gap_gives_nothing_and_then_goes_on() -> None:
+def test_gyro_gap_returns_none_then_resumes() -> None:
     gyro = integrator()
     gyro.add(sample(0.0, 1.0))
     gyro.add(sample(0.01, 1.0))
@@ -120,7 +120,7 @@ def test_one_late_sample_is_dropped_but_a_clock_set_back_is_followed() -> None:
     assert increment.angle_rad == pytest.approx(0.2 * 0.04)
 
 
-def test_a_noisy_gyro_is_believed_less() -> None:
+def test_gyro_noise_is_estimated_from_second_differences() -> None:
     gyro = integrator()
     for i in range(300):
         gyro.add(sample(0.01 * i, 0.2 if i % 2 else -0.2))
@@ -128,7 +128,7 @@ def test_a_noisy_gyro_is_believed_less() -> None:
     assert gyro.noise_radps == pytest.approx(0.327, rel=0.02)
 
 
-def test_a_swift_turn_is_no_noise() -> None:
+def test_fast_smooth_turn_does_not_raise_gyro_noise() -> None:
     gyro = integrator()
     for i in range(300):
         gyro.add(sample(0.01 * i, math.sin(0.01 * i * 4.0)))

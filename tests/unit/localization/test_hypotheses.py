@@ -45,7 +45,7 @@ def test_nothing_is_decided_before_the_robot_has_moved() -> None:
     assert not places.idle()
 
 
-def test_what_fits_clearly_worse_is_dropped_and_the_other_is_the_place() -> None:
+def test_hypothesis_with_clearly_lower_score_is_dropped() -> None:
     places = two()
     for step in range(1, 15):
         if len(places) == 2:
@@ -55,7 +55,7 @@ def test_what_fits_clearly_worse_is_dropped_and_the_other_is_the_place() -> None
     assert alone.planar.distance_to(HERE) < 5.0
 
 
-def test_what_fits_nearly_as_well_stays() -> None:
+def test_hypothesis_with_similar_score_is_kept() -> None:
     places = two()
     for step in range(1, 50):
         went(places, 0.2 * step, (0.9, 0.8))

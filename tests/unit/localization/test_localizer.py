@@ -21,7 +21,7 @@ STAND, AHEAD = Twist2(0.0, 0.0, 0.0), Twist2(1.0, 0.0, 0.0)
 CURVE = Twist2(0.8, 0.3, 0.4)
 
 
-def test_nothing_is_said_before_odometry() -> None:
+def test_estimate_is_empty_before_first_odometry() -> None:
     estimate = story().localizer.estimate(100.0)
     assert estimate.pose is None
     assert estimate.map_to_odom is None
@@ -73,7 +73,7 @@ def test_wheels_that_scrub_in_turns_are_outweighed_by_the_gyro() -> None:
     assert ride.yaw_error_rad() < 0.02  # with the wheels alone the error would be 0.3
 
 
-def test_slip_told_by_the_covariance_raises_the_uncertainty() -> None:
+def test_twist_covariance_raises_pose_uncertainty() -> None:
     ride = story().drive(AHEAD, 5.0)
     sure = ride.localizer.estimate(ride.t_s)
     ride = story(twist_variance=(0.5, 0.5, 0.5)).drive(AHEAD, 5.0)
@@ -159,7 +159,7 @@ def test_restarted_odometry_holds_the_pose() -> None:
     assert any("restarted" in fault for fault in after.faults)
 
 
-def test_clock_set_back_goes_on_from_the_same_pose() -> None:
+def test_clock_set_back_keeps_pose() -> None:
     ride = story().drive(AHEAD, 3.0)
     ride.t_s = 5.0
     ride.drive(AHEAD, 2.0)

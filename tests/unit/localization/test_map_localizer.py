@@ -189,7 +189,7 @@ def test_while_wheels_slip_the_pose_follows_the_map(told: float, share: float, s
     assert story.error_m() < 0.03
 
 
-def test_a_ride_on_good_ground_is_no_slip() -> None:
+def test_no_slip_is_detected_on_good_ground() -> None:
     story = ride().drive(1.0)
     for twist in (AHEAD, Twist2(0.0, 0.3, 0.0), Twist2(0.3, 0.0, 0.5), BACK, Twist2(0.0, 0.0, -0.8)):
         for _ in range(15):
@@ -214,7 +214,7 @@ def test_a_slip_that_no_match_confirms_any_more_is_forgotten() -> None:
     assert story.localizer.slip is None
 
 
-def test_a_pose_that_is_given_or_wheels_that_start_anew_end_a_slip() -> None:
+def test_pose_reset_or_odometry_restart_clears_slip() -> None:
     story = slipping()
     story.localizer.reset(story.truth, np.diag([0.01, 0.01, 0.01]), story.t_s)
     assert story.localizer.slip is None
@@ -246,7 +246,7 @@ def test_a_kidnapped_robot_stops_within_a_second_and_finds_itself() -> None:
     assert story.quality > 0.5
 
 
-def test_equal_sweeps_are_no_news() -> None:
+def test_repeated_equal_sweeps_are_reported_as_frozen() -> None:
     story = ride().drive(1.2)
     story.seen = sweep_from(story.truth, 55, density=5.0)
     story.drive(0.3)
@@ -323,7 +323,7 @@ def test_answers_to_questions_from_before_a_reset_are_dropped() -> None:
     assert pose.x == pytest.approx(3.0, abs=1e-6)
 
 
-def test_search_finds_the_place_in_the_whole_map_and_says_how_sure_it_is() -> None:
+def test_global_search_finds_pose_and_is_unambiguous() -> None:
     truth = Pose2(2.0, -4.0, 2.0)
     points = seen_from(pose4(truth, 0.02, UP), surfaces(5.0, seed=9))
     found = search(matcher(), points, UP, Region(0.0, 0.0, math.inf), params().ndt.search)
@@ -355,7 +355,7 @@ def test_each_gate_names_its_reason() -> None:
     assert problem_of(good, Pose2(2.0, 0.0, 0.0), 1.0, 0.2, gate) == ""
 
 
-def test_a_clock_set_back_drops_what_was_asked_before() -> None:
+def test_clock_set_back_drops_pending_match_request() -> None:
     story = ride().drive(1.2)
     story.lidar_on = False
     story.drive(0.1)
@@ -364,7 +364,7 @@ def test_a_clock_set_back_drops_what_was_asked_before() -> None:
     assert story.estimate().pose is not None
 
 
-def test_over_open_ground_the_pose_goes_on_and_is_found_again_behind_it() -> None:
+def test_dead_reckoning_over_open_ground_then_tracking_resumes() -> None:
     story = on_the_way_out()
     before = story.quality
     qualities, variances = [], []
@@ -436,7 +436,7 @@ def test_in_the_open_a_silent_or_frozen_lidar_still_lowers_the_quality() -> None
     assert story.quality < LOST
 
 
-def test_in_the_open_wheels_that_start_anew_lose_the_pose() -> None:
+def test_odometry_restart_on_open_ground_loses_pose() -> None:
     story = out_in_the_open()
     story.wheels = Pose2(5.0, 5.0, 0.0)
     story.drive(0.04)
@@ -452,7 +452,7 @@ def test_a_start_in_the_open_is_not_confirmed() -> None:
     assert story.localizer.confidence is Confidence.CONFIRMING
 
 
-def test_near_a_known_pose_the_mirror_of_a_corridor_is_no_rival() -> None:
+def test_search_near_known_heading_excludes_mirrored_corridor_pose() -> None:
     """A single post does not distinguish the two directions reliably."""
     search_params = params().ndt.search
     site = corridor_solver()
@@ -513,7 +513,7 @@ def test_between_two_places_that_look_alike_motion_decides() -> None:
     assert story.error_m() < 0.05
 
 
-def test_places_that_motion_does_not_tell_apart_stay_unknown() -> None:
+def test_ambiguous_places_keep_pose_unknown() -> None:
     """Features beyond the walls of the first courtyard are not visible from the second: that alone is no proof."""
     story = lost_in_a_courtyard(Pose2(73.0, -4.0, 0.0))
     for _ in range(8):
@@ -522,7 +522,7 @@ def test_places_that_motion_does_not_tell_apart_stay_unknown() -> None:
         assert story.estimate().covariance[0, 0] > 1e4
 
 
-def test_wheels_that_start_anew_forget_the_places() -> None:
+def test_odometry_restart_discards_hypotheses() -> None:
     story = lost_in_a_courtyard(Pose2(-7.0, -4.0, 0.0))
     story.wheels = Pose2(5.0, 5.0, 0.0)
     story.drive(0.02)

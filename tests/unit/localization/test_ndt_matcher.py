@@ -83,7 +83,7 @@ def test_a_tilted_robot_is_found_with_its_tilt() -> None:
     assert match.pose[2, 3] == pytest.approx(0.3, abs=0.01)
 
 
-def test_errors_are_within_what_the_covariance_says() -> None:
+def test_match_errors_agree_with_covariance() -> None:
     squares = []
     for seed in range(12):
         truth = pose_of(Pose2(0.3 * seed - 1.0, 0.1 * seed, 0.3 * seed), 0.02, UP)
@@ -110,7 +110,7 @@ def test_a_wrong_pose_has_a_low_score() -> None:
     assert match.score < 0.55
 
 
-def test_what_is_not_finite_is_refused() -> None:
+def test_match_rejects_non_finite_input() -> None:
     good = np.ones((10, 3))
     with pytest.raises(ValueError, match="points"):
         matcher().match(np.full((10, 3), np.nan), np.eye(4), UP, 0.1)
@@ -141,7 +141,7 @@ def test_merged_cells_are_those_of_all_their_points() -> None:
         merged(fine, 0.7)
 
 
-def test_structure_is_what_stands_above_its_column() -> None:
+def test_structure_contains_only_cells_above_lowest_of_column() -> None:
     key = np.array([[0, 0, 0], [0, 0, 2], [1, 0, 0]], np.int32)
     mean = key.astype(np.float64) + 0.5
     found = structure_of(Cells(1.0, key, mean, np.tile(np.eye(3), (3, 1, 1)), np.full(3, 9)), 0.4)

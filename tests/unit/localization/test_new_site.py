@@ -40,6 +40,6 @@ def test_dead_reckoning_is_soon_called_lost(documented):
     assert quality_after(params().quality.position_half_sigma_m) < lost
 
 
-def test_what_the_documentation_sets_leads_farther(documented):
+def test_documented_settings_keep_quality_without_map(documented):
     assert documented["map"] == ""
     assert quality_after(documented[_HALF]) > 0.9

@@ -46,7 +46,7 @@ def test_unknown_covariance_adds_nothing() -> None:
     assert step.variance[0] == pytest.approx(0.02**2 * 0.02, rel=1e-3)
 
 
-def test_odometry_that_lost_track_is_believed_as_little_as_it_says() -> None:
+def test_jump_of_odometry_covariance_is_added_to_step_variance() -> None:
     odometry = increments()
     odometry.take(reading(10.0, pose_variance=(0.1, 0.1, 0.01), twist_variance=(0.0, 0.0, 0.0)))
     step = odometry.take(reading(10.02, pose_variance=(6.1, 5.1, 9.01), twist_variance=(0.0, 0.0, 0.0)))
@@ -54,7 +54,7 @@ def test_odometry_that_lost_track_is_believed_as_little_as_it_says() -> None:
     assert step.variance == pytest.approx((6.0, 5.0, 9.0))
 
 
-def test_swing_of_the_yaw_in_the_position_is_no_news() -> None:
+def test_covariance_growth_caused_by_yaw_adds_no_step_variance() -> None:
     odometry = increments()
     odometry.take(reading(10.0, pose_variance=(1.0, 1.0, 0.01), twist_variance=(0.0, 0.0, 0.0)))
     step = odometry.take(reading(10.02, pose_variance=(1.2, 1.2, 0.0101), twist_variance=(0.0, 0.0, 0.0)))
@@ -69,7 +69,7 @@ def test_lost_messages_lose_no_motion() -> None:
     assert step.motion.x == pytest.approx(3.0)
 
 
-def test_restart_of_odom_is_no_motion() -> None:
+def test_odometry_restart_yields_no_motion() -> None:
     odometry = increments()
     odometry.take(reading(10.0, Pose2(8.0, 3.0, 2.0), Twist2(1.0, 0.0, 0.0)))
     step = odometry.take(reading(10.02, IDENTITY))
@@ -94,7 +94,7 @@ def test_late_reading_changes_nothing() -> None:
     assert odometry.take(reading(10.06, Pose2(0.06, 0.0, 0.0))).motion.x == pytest.approx(0.02)
 
 
-def test_clock_that_goes_back_takes_odometry_up_anew() -> None:
+def test_clock_set_back_restarts_odometry_increments() -> None:
     odometry = increments()
     odometry.take(reading(1000.0, Pose2(4.0, 0.0, 0.0)))
     assert odometry.take(reading(3.0, IDENTITY)).event is OdometryEvent.CLOCK_RESTARTED

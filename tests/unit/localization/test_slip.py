@@ -34,7 +34,7 @@ def run(seconds: float, seen_mps: float, told_mps: float, sigma_m: float = 0.015
     return told
 
 
-def test_wheels_that_turn_on_the_spot_are_told_within_two_sweeps() -> None:
+def test_spinning_wheels_are_detected_within_two_sweeps() -> None:
     slip = run(0.2, seen_mps=0.0, told_mps=1.0)
     assert slip is not None
     assert (slip.stamp_s, slip.over_s) == pytest.approx((100.2, 0.2))
@@ -42,19 +42,19 @@ def test_wheels_that_turn_on_the_spot_are_told_within_two_sweeps() -> None:
     assert str(slip) == "0.20 m by the wheels, 0.00 m by the map in 0.2 s"
 
 
-def test_a_robot_that_slides_with_its_wheels_at_rest_is_told() -> None:
+def test_sliding_with_wheels_at_rest_is_detected() -> None:
     slip = run(1.0, seen_mps=0.15, told_mps=0.0)
     assert slip is not None
     assert slip.seen_m == pytest.approx(0.15)
 
 
-def test_ways_that_agree_are_no_slip_whatever_the_frames() -> None:
+def test_equal_distances_are_not_detected_as_slip() -> None:
     for speed_mps in (0.0, 0.3, 1.5):
         assert run(3.0, speed_mps, speed_mps) is None
     assert run(3.0, seen_mps=1.5, told_mps=1.5 * 1.01) is None  # wrong wheel radii
 
 
-def test_the_noise_of_matches_is_no_slip() -> None:
+def test_match_noise_is_not_detected_as_slip() -> None:
     witness, random = SlipWitness(SLIP), np.random.default_rng(3)
     told = []
     for k in range(2000):
@@ -63,11 +63,11 @@ def test_the_noise_of_matches_is_no_slip() -> None:
     assert sum(slip is not None for slip in told) <= 2  # of 2,000 at more than five standard deviations
 
 
-def test_along_an_open_direction_a_match_tells_nothing() -> None:
+def test_match_with_large_sigma_detects_no_slip() -> None:
     assert run(1.0, seen_mps=0.0, told_mps=0.5, sigma_m=0.2) is None
 
 
-def test_only_what_lies_within_the_window_counts() -> None:
+def test_slip_window_excludes_older_motion() -> None:
     """A past slip is no longer reported, and motion before a gap does not count after it."""
     witness = SlipWitness(SLIP)
     assert witness.see(0.0, match_at(0.0), IDENTITY) is None
@@ -75,7 +75,7 @@ def test_only_what_lies_within_the_window_counts() -> None:
     assert witness.see(0.5 + 1.1 * SLIP.window_s, match_at(0.0), Pose2(9.0, 0.0, 0.0)) is None
 
 
-def test_a_pose_found_anew_is_compared_with_nothing_before() -> None:
+def test_cleared_slip_window_ignores_previous_pose() -> None:
     witness = SlipWitness(SLIP)
     witness.see(0.0, match_at(0.0), IDENTITY)
     witness.clear()
@@ -89,7 +89,7 @@ def test_dead_reckoning_is_the_farther_off_the_longer_ago_the_match() -> None:
     assert replace(slip, rate_mps=0.2).off_m(10.2) == pytest.approx(0.04)
 
 
-def test_a_slip_that_has_just_begun_goes_on_at_its_own_rate() -> None:
+def test_slip_rate_is_not_averaged_over_time_before_slip() -> None:
     """The rate is not the mean over a window that lies mostly before the slip."""
     witness = SlipWitness(SLIP)
     for k in range(10):

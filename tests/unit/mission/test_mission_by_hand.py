@@ -29,7 +29,7 @@ def test_a_goal_by_hand_shows_that_it_drives_from_the_warning_on(story, aboard, 
     assert story.status.display == (Display.PASSENGER_ONBOARD if aboard else Display.IDLE)
 
 
-def test_one_that_stands_on_its_way_waits_and_chimes_anew_before_it_goes_on(story):
+def test_standstill_on_manual_goal_displays_obstacle_until_next_departure(story):
     story.at(0.5, speed=0.5).given(plan_end=GOAL).tick().at(0.5).tick(2.0)
     assert story.status.display == Display.NAVIGATING
     story.tick(1.5)
@@ -47,7 +47,7 @@ def test_one_that_stands_on_its_way_waits_and_chimes_anew_before_it_goes_on(stor
         ({"manual": True}, Display.MANUAL),
     ],
 )
-def test_what_holds_it_is_shown(story, inputs, display):
+def test_cause_of_hold_on_manual_goal_is_displayed(story, inputs, display):
     story.given(plan_end=GOAL, **inputs).tick()
     assert story.status.display == display
 
@@ -86,7 +86,7 @@ def test_an_emergency_stop_wins(story):
     assert story.status.display == Display.EMERGENCY_STOP
 
 
-def test_the_others_hear_of_the_mission_managers_own_warning(story):
+def test_departure_warning_countdown_is_published(story):
     """This prevents a second warning by navigation."""
     story.start("park")
     assert story.warnings[0] == pytest.approx(DEPARTURE.warning_s)

@@ -58,7 +58,7 @@ def test_a_mission_sets_out_two_seconds_after_its_start(story):
     assert story.tick().status.reason == ""
 
 
-def test_the_journal_knows_the_mission_before_the_warning(story):
+def test_mission_is_journaled_before_departure_warning(story):
     begin(story, "park")
     assert story.journal.records[-1].state is State.RUNNING
 
@@ -113,7 +113,7 @@ def test_held_for_long_the_goal_is_taken_away_and_given_back_after_a_warning(sto
     assert story.goals() == [2.0]
 
 
-def test_a_hindrance_within_the_warning_begins_it_anew(story):
+def test_obstacle_during_departure_warning_restarts_warning(story):
     begin(story, "park").tick(1.5).given(faults=("COLLISION_IMMINENT",)).tick(0.5)
     assert (story.goal, story.status.display) == (None, Display.OBSTACLE)
     story.given(faults=())
@@ -140,14 +140,14 @@ def test_a_navigation_controller_that_comes_back_late_gets_its_goal_after_a_warn
     assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
 
 
-def test_motion_by_hand_is_no_stop(story):
+def test_manual_motion_while_paused_ends_long_stop(story):
     story.start("park").command(ev.PAUSE).tick(20.0)
     story.at(1.0, speed=0.5).tick().at(1.0).tick().happens(ev.Command(ev.RESUME))
     assert story.goals()[-1] == 2.0
     assert story.goal is not None
 
 
-def test_a_robot_that_stands_under_way_says_that_it_waits_and_chimes_anew_before_it_goes(story):
+def test_standstill_during_mission_displays_obstacle_then_warns_again(story):
     """A sound starts with a new display state, so the display must show another state before the warning."""
     story.start("park").at(0.5, speed=0.5).tick()
     assert story.status.display == Display.NAVIGATING
@@ -162,7 +162,7 @@ def test_a_robot_that_stands_under_way_says_that_it_waits_and_chimes_anew_before
     assert "about to start: warning" in story.status.reason
 
 
-def test_a_robot_that_waits_for_the_docking_controller_says_so(story):
+def test_missing_docking_controller_displays_obstacle(story):
     story.start(DOCK).at(1.0, speed=0.5).tick().arrive(2.0).given(docking_served=False).tick(4.0)
     assert story.status.display == Display.OBSTACLE
     story.given(docking_served=True).tick().accept().feedback("APPROACH").tick(5.0)
@@ -212,7 +212,7 @@ def test_a_restart_warns_on_resume(params):
 # --- the clock of it -------------------------------------------------------------------------------------------------
 
 
-def test_a_robot_of_which_nobody_knows_that_it_moves_stands(params):
+def test_departure_counts_unknown_or_nan_twist_as_standstill(params):
     for twist in (None, Twist2(math.nan, 0.0, 0.0), STILL):
         departure = Departure(DEPARTURE)
         departure.elapse(MOVING, 1.0)

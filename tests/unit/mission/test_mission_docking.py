@@ -66,7 +66,7 @@ def test_docking_begins_at_the_waypoint_exactly_and_standing(story):
     assert story.state is State.DOCKING
 
 
-def test_the_journal_knows_before_the_docking_controller(story):
+def test_docking_state_is_journaled_before_docking_goal_is_sent(story):
     order: list[str] = []
     story.start(DOCK, "park")
     story.journal.save = lambda record: order.append(record.state.value)
@@ -155,7 +155,7 @@ def test_no_stall_counts_while_docking(docking):
         ((CHARGE,), True, "waypoint 'w0' of 'ride' docks to 'charger', but the robot is already carrying"),
     ],
 )
-def test_what_cannot_be_docked_is_refused_at_the_start(story, actions, aboard, why):
+def test_mission_with_impossible_docking_is_rejected_at_start(story, actions, aboard, why):
     story.attach(aboard).start(*actions)
     assert story.state is State.IDLE
     assert story.log == []
@@ -174,7 +174,7 @@ def test_what_cannot_be_docked_is_refused_at_the_start(story, actions, aboard, w
         ((CHARGE,), False),
     ],
 )
-def test_what_can_be_docked_starts(story, actions, aboard):
+def test_mission_with_possible_docking_starts(story, actions, aboard):
     story.attach(aboard).start(*actions)
     assert story.state is State.RUNNING, story.status.reason
 
@@ -199,7 +199,7 @@ def test_a_failed_undocking_keeps_the_passenger(undocking):
     assert undocking.status.display == Display.ERROR
 
 
-def test_a_failure_without_words_is_one_all_the_same(docking):
+def test_docking_failure_without_text_fails_with_default_reason(docking):
     docking.ends(False)
     assert docking.status.reason == "docking to chair_1 failed: no reason given"
 
@@ -216,14 +216,14 @@ def test_without_a_docking_controller(story):
     assert story.calls() == []
 
 
-def test_a_docking_controller_that_comes_late_is_asked(story):
+def test_docking_goal_is_sent_once_docking_controller_appears(story):
     story.start(DOCK).given(docking_served=False, docking_state="").reach(2.0).tick(5.0)
     story.given(docking_served=True, docking_state="IDLE").tick()
     assert story.calls() == [("dock", "chair_1")]
 
 
 @pytest.mark.parametrize("state", ["APPROACH", "SEARCH", "SERVOING", "FINE_ALIGN"])
-def test_a_docking_controller_at_work_for_somebody_else_is_waited_for(story, state):
+def test_docking_waits_until_busy_docking_controller_is_idle(story, state):
     story.start(DOCK).given(docking_state=state).reach(2.0).tick()
     assert story.calls() == []
     why = "waiting for docking_controller to end its present goal"
@@ -259,7 +259,7 @@ def test_while_the_robot_may_not_move_no_docking_begins_and_no_time_counts(story
     assert story.calls() == [("dock", "chair_1")]
 
 
-def test_a_goal_that_nobody_answers(story):
+def test_unanswered_docking_goal_times_out_and_is_cancelled(story):
     story.start(DOCK).reach(2.0).tick().tick(story.params.docking_wait_s)
     assert story.state is State.FAILED
     assert story.status.reason == "docking to chair_1 failed: docking_controller has not answered for 10 s"
@@ -332,7 +332,7 @@ def test_a_goal_of_one_that_died_is_not_waited_for(docking):
     assert docking.calls() == [("dock", "chair_1")]
 
 
-def test_a_result_while_nothing_is_asked_means_nothing(story):
+def test_docking_result_without_active_goal_is_ignored(story):
     story.ends(True, call=1).feedback("SERVOING", call=3).happens(ev.DockingAccepted(2))
     assert story.state is State.IDLE
     story.start("park").ends(False, "x", call=1)
@@ -344,14 +344,14 @@ def test_a_result_while_nothing_is_asked_means_nothing(story):
 
 
 @pytest.mark.parametrize("command", COMMANDED)
-def test_what_stops_the_mission_cancels_the_docking(docking, command):
+def test_stop_command_cancels_docking(docking, command):
     docking.command(command)
     assert docking.state is COMMANDED[command]
     assert [entry for entry in docking.log if entry in ("cancel", "cancel docking")] == ["cancel", "cancel docking"]
 
 
 @pytest.mark.parametrize("command", COMMANDED)
-def test_what_stops_the_mission_cancels_the_undocking_and_keeps_the_passenger(undocking, command):
+def test_stop_command_cancels_undocking_and_keeps_passenger(undocking, command):
     undocking.command(command)
     assert undocking.state is COMMANDED[command]
     assert "cancel docking" in undocking.log
@@ -386,7 +386,7 @@ def test_resume_docks_again_from_the_start(docking):
     assert docking.state is State.RUNNING
 
 
-def test_resume_goes_on_if_the_wheelchair_is_attached_by_then(docking):
+def test_resume_skips_docking_if_wheelchair_is_attached(docking):
     call = docking.called()
     docking.command(ev.PAUSE).attach().ends(True, call=call).command(ev.RESUME)
     assert (docking.state, docking.goals(), docking.calls()) == (State.RUNNING, [4.0], [])
@@ -399,7 +399,7 @@ def test_resume_undocks_again_where_the_robot_stands(undocking):
     assert undocking.goals() == [], "the chair may be unlatched already: driving forward would push it"
 
 
-def test_resume_goes_on_if_the_wheelchair_is_let_go_by_then(undocking):
+def test_resume_skips_undocking_if_wheelchair_is_released(undocking):
     call = undocking.called()
     undocking.command(ev.PAUSE).attach(False).ends(True, call=call).command(ev.RESUME)
     assert (undocking.state, undocking.goals()[-1], undocking.calls()) == (State.RUNNING, 6.0, [])
@@ -439,7 +439,7 @@ def test_emergency_stop_until_release_and_resume(dock, request):
     assert len(story.calls()) == 1
 
 
-def test_an_emergency_stop_heard_after_the_result_that_it_caused_still_stops(docking):
+def test_emergency_stop_received_after_docking_result_stops_mission(docking):
     docking.ends(False, "emergency stop (SAFETY_STOP)", safety_stop=True).tick(1.0)
     assert docking.state is State.DOCKING
     docking.emergency(True)
@@ -455,7 +455,7 @@ def test_a_safety_stop_without_an_emergency_stop_fails(docking):
 # --- journal and restart ---------------------------------------------------------------------------------------------
 
 
-def test_an_unwritable_journal_lets_no_docking_begin(story):
+def test_unwritable_journal_pauses_mission_before_docking(story):
     story.start(DOCK)
     story.journal.problem = "disk full"
     story.reach(2.0).tick(1.0)
@@ -502,7 +502,7 @@ def test_a_restart_while_paused_in_a_docking_docks_again(docking, params):
     assert again.calls() == [("dock", "chair_1")]
 
 
-def test_a_dock_that_is_not_known_any_more_is_asked_for_all_the_same(params):
+def test_resume_sends_docking_goal_for_removed_dock(params):
     mission = make_mission({"dock": "gone"}, "park")
     story = DockStory(params, Record(State.DOCKING, mission, docking_begun=True)).command(ev.RESUME).tick()
     assert story.calls() == [("dock", "gone")]
@@ -511,7 +511,7 @@ def test_a_dock_that_is_not_known_any_more_is_asked_for_all_the_same(params):
 
 
 @pytest.mark.parametrize("state", [State.DOCKING, State.UNDOCKING])
-def test_docking_at_a_waypoint_without_a_dock_makes_no_sense(state):
+def test_docking_record_at_waypoint_without_dock_is_invalid(state):
     assert problem_of(Record(state, make_mission("park"))).startswith(
         f"state {state.value} at a waypoint that does not"
     )
@@ -532,7 +532,7 @@ def test_the_reason_follows_the_feedback(story):
     assert docking.status.reason == "docking to chair_1: SERVOING, try 2; held by safety: COLLISION_IMMINENT"
 
 
-def test_same_feedback_again_is_not_told_at_10_hz(docking):
+def test_repeated_docking_feedback_limits_status_messages(docking):
     docking.feedback("SEARCH").clear()
     for _ in range(100):
         docking.feedback("SEARCH")
@@ -579,7 +579,7 @@ def test_an_announcement_lasts_its_time(docking):
         assert docking.now_s - begun_s == pytest.approx(docking.params.announcement_s, abs=2 * TICK_S)
 
 
-def test_docking_complete_is_told_once(docking):
+def test_successful_docking_displays_passenger_onboard(docking):
     docking.feedback("DOCKED").attach().ends(True)
     assert docking.status.display == Display.PASSENGER_ONBOARD
 
@@ -623,11 +623,11 @@ def test_an_obstacle_beside_shows_while_docking_once_the_robot_has_stood_for_it(
         ("", Display.IDLE),
     ],
 )
-def test_an_operator_who_docks_without_a_mission_is_shown_too(story, state, display):
+def test_manual_docking_without_mission_is_displayed(story, state, display):
     story.given(docking_state=state).tick()
     assert story.status.display == display
 
 
-def test_a_station_is_no_chair(story):
+def test_approach_to_charging_station_displays_navigating(story):
     story.start(CHARGE).tick()
     assert story.status.display == Display.NAVIGATING

@@ -95,7 +95,7 @@ def test_a_good_file(tmp_path):
         (("speed",), 1.0, "speed: is not a known field"),
     ],
 )
-def test_a_mistake_is_one_line_with_file_waypoint_and_field(tmp_path, path, value, says):
+def test_invalid_field_is_reported_in_one_line_with_file_and_waypoint(tmp_path, path, value, says):
     file = write(tmp_path, changed(path, value))
     with pytest.raises(MissionError) as caught:
         read_mission(file)
@@ -114,14 +114,14 @@ def test_several_mistakes_are_all_named(tmp_path):
 
 
 @pytest.mark.parametrize("text", ["waypoints: [", "- a\n- b\n", "\t", "", "id: !!python/object:os.system {}"])
-def test_text_that_is_no_mission(tmp_path, text):
+def test_malformed_mission_text_is_rejected(tmp_path, text):
     with pytest.raises(MissionError) as caught:
         read_mission(write(tmp_path, text))
     assert "ride.yaml" in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
-def test_bytes_that_are_no_text(tmp_path):
+def test_mission_file_that_is_not_utf8_is_rejected(tmp_path):
     path = tmp_path / "ride.yaml"
     path.write_bytes(b"id: \xff\xfe")
     with pytest.raises(MissionError, match="not UTF-8"):
@@ -142,7 +142,7 @@ def test_an_unknown_id_lists_the_known_ones(tmp_path):
 
 
 @pytest.mark.parametrize("mission_id", ["", "..", "../ride", "sub/ride", "ride.yaml", "ri\0de", "*"])
-def test_an_id_is_no_path(tmp_path, mission_id):
+def test_mission_id_is_not_interpreted_as_path(tmp_path, mission_id):
     write(tmp_path, GOOD)
     folder = tmp_path / "sub"
     folder.mkdir()
@@ -150,7 +150,7 @@ def test_an_id_is_no_path(tmp_path, mission_id):
         MissionLibrary(folder).find(mission_id)
 
 
-def test_an_empty_or_missing_folder_knows_nothing(tmp_path):
+def test_missing_mission_folder_lists_no_missions(tmp_path):
     with pytest.raises(MissionError, match="known: none"):
         MissionLibrary(tmp_path / "nowhere").find("ride")
 

@@ -48,7 +48,7 @@ def test_a_new_journal_is_empty(path):
     assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
 
 
-def test_the_last_record_comes_back_whole(path):
+def test_last_record_is_restored_completely(path):
     journal = SqliteJournal(path)
     journal.save(Record(State.RUNNING, RIDE))
     journal.save(FULL)
@@ -86,7 +86,7 @@ def test_it_is_written_through_to_the_disk(path):
     assert connection.execute("PRAGMA synchronous").fetchone() == (2,)  # FULL
 
 
-def test_the_history_tells_what_happened(path):
+def test_history_returns_latest_records_in_order(path):
     journal = SqliteJournal(path)
     for state in (State.RUNNING, State.PAUSED, State.ABORTED):
         journal.save(replace(FULL, state=state, reason=f"why {state.value}"))
@@ -174,7 +174,7 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("name", DAMAGES)
-def test_a_damaged_journal_is_moved_aside_and_told(path, name):
+def test_damaged_journal_is_moved_aside_and_reported(path, name):
     save(path, FULL)
     DAMAGES[name](path)
     damaged = path.read_bytes()
@@ -320,12 +320,12 @@ def test_a_process_killed_while_it_writes_loses_nothing_it_has_saved(path):
         assert record.mission == RIDE
 
 
-def test_load_record_says_nothing_when_all_is_well(path):
+def test_load_record_reports_no_problem_for_valid_journal(path):
     save(path, FULL)
     assert load_record(SqliteJournal(path)) == (FULL, "")
 
 
-def test_load_record_tells_what_is_wrong(path):
+def test_load_record_reports_unreadable_and_damaged_journal(path):
     class Broken:
         def load(self):
             raise JournalError("no disk")

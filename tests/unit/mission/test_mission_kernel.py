@@ -51,7 +51,7 @@ def test_start_is_answered(story):
     assert (status.last_command, status.last_command_accepted, status.reason) == ("START_MISSION", True, "")
 
 
-def test_a_whole_ride(story):
+def test_mission_passes_waits_and_parks_until_completed(story):
     story.start("pass", WAIT_2S, "park")
     story.at(1.6, speed=1.0).tick()  # passes within 0.5 m of w0 (x = 2) without stopping
     assert story.goals() == [2.0, 4.0]
@@ -121,7 +121,7 @@ def test_standing_for_a_moment_while_sliding_through_is_not_arrival(story):
     assert story.state is State.RUNNING
 
 
-def test_pass_wants_the_rough_heading(story):
+def test_pass_waypoint_requires_approximate_heading(story):
     story.start("pass", "park").at(2.0, yaw=1.0, speed=1.0).tick()
     assert story.goals() == [2.0]
     story.at(2.0, yaw=0.5, speed=1.0).tick()
@@ -181,7 +181,7 @@ def test_abort_ends_the_mission_and_keeps_the_passenger(story, prepare):
     assert story.status.reason == "aborted by command; the passenger stays attached until an operator decides"
 
 
-def test_abort_without_a_passenger_says_nothing_of_one(story):
+def test_abort_reason_without_passenger_omits_passenger(story):
     story.start("park").command(ev.ABORT)
     assert story.status.reason == "aborted by command"
 
@@ -226,7 +226,7 @@ def test_start_while_a_mission_is_active_is_refused(story):
         assert not story.status.last_command_accepted
 
 
-def test_start_of_an_unknown_mission_says_what_the_library_said(story):
+def test_start_of_unknown_mission_reports_library_error(story):
     story.command(ev.START_MISSION, None, "there is no mission 'x'; known: ride")
     assert story.state is State.IDLE
     assert story.log == []
@@ -250,7 +250,7 @@ def test_unknown_command_is_refused_with_the_known_ones(story):
         ({"emergency_stop": True}, "emergency stop is active"),
     ],
 )
-def test_what_speaks_against_a_start(story, inputs, why):
+def test_unmet_precondition_rejects_start(story, inputs, why):
     story.given(**inputs).start("park")
     assert story.state is State.IDLE
     assert story.log == []
@@ -262,7 +262,7 @@ def test_an_unknown_charge_does_not_forbid_a_start(story):
     assert story.state is State.RUNNING
 
 
-def test_a_low_battery_lets_a_paused_mission_go_on(story):
+def test_low_battery_does_not_block_resume(story):
     story.start("park").command(ev.PAUSE).given(battery=0.2).command(ev.RESUME)
     assert story.state is State.RUNNING
 
@@ -350,7 +350,7 @@ def test_our_own_stop_is_taken_back_after_the_release_only(story):
     assert len(story.log) == 2
 
 
-def test_a_stop_of_somebody_else_is_not_ours_to_release(story):
+def test_external_emergency_stop_is_not_released_by_mission_manager(story):
     story.emergency(True).tick(1.0).emergency(False).tick(1.0)
     assert story.log == []
 
@@ -394,7 +394,7 @@ def test_a_way_around_is_progress(story):
     assert story.kernel.record.failed_tries == 0
 
 
-def test_plans_that_take_turns_are_no_progress(story):
+def test_alternating_plans_count_as_no_progress(story):
     story.start("park").at(0.3)
     for step in range(round((story.params.progress_timeout_s + DEPARTURE.warning_s + 0.5) / TICK_S)):
         story.given(detour_m=3.0 if step % 20 < 10 else 0.0).tick()
@@ -598,7 +598,7 @@ def test_the_display_is_dark_until_anything_is_known(params):
     assert report.status.display == Display.IDLE, "it has been ready; what is wrong now the safety monitor says"
 
 
-def test_a_person_who_drives_is_shown_before_everything_but_a_stop(story):
+def test_manual_display_overrides_all_but_emergency_stop(story):
     story.given(manual=True).tick()
     assert story.status.display == Display.MANUAL
     story.start("park").command(ev.PAUSE)
@@ -776,7 +776,7 @@ def test_a_restart_drives_the_mission_as_it_was(params):
     assert story.state is State.COMPLETED
 
 
-def test_a_damaged_journal_is_told(params):
+def test_damaged_journal_is_reported_until_next_start(params):
     story = Story(params, None, "the journal was damaged")
     assert story.state is State.IDLE
     assert story.status.reason == "the journal was damaged"
@@ -785,7 +785,7 @@ def test_a_damaged_journal_is_told(params):
     assert story.status.reason == ""
 
 
-def test_a_navigation_controller_that_appears_after_the_restart_is_told_to_stand(params):
+def test_navigation_goal_is_cancelled_if_controller_appears_after_restart(params):
     story = Story(params, journaled(State.RUNNING)).clear()
     story.happens(ev.NavigationAppeared())
     assert story.log == ["cancel"]
@@ -830,7 +830,7 @@ def test_the_document_is_fresh():
     assert drawn.read_text(encoding="utf-8") == diagram.document(), "draw it again: its second line says how"
 
 
-def test_a_mission_without_a_name_in_a_language_is_told_in_english():
+def test_mission_name_falls_back_to_english():
     mission = make_mission("park")
     assert (mission.name_in("ja"), mission.name_in("de")) == ("走行", "Ride")
     assert replace(Record(), mission=mission).stops == mission.waypoints

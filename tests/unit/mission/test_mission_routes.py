@@ -217,7 +217,7 @@ def test_a_square_beside_a_square():
     assert distance_m(square, rectangle(Pose2(0.0, 0.0, 0.3), 0.1, -0.1, 0.1)) == 0.0, "one inside the other"
 
 
-def test_the_check_notices_what_is_in_the_way(transport):
+def test_clearance_check_detects_blocked_route(transport):
     """The straight line from the pick-up to the destination crosses planter_2."""
     shortcut = transport.model_copy(
         update={"waypoints": tuple(w for w in transport.waypoints if w.action.kind is not Kind.PASS)}
@@ -225,7 +225,7 @@ def test_the_check_notices_what_is_in_the_way(transport):
     assert any(gap <= CLEARANCE_M for gap in clearances(shortcut).values())
 
 
-def test_a_detour_is_what_the_plan_is_longer_than_the_straight_line() -> None:
+def test_detour_is_plan_length_minus_straight_line() -> None:
     corner = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]])
     assert route.detour_m(Pose2(0.1, -0.2, 0.0), corner) == pytest.approx(7.0 - 5.0)
     assert route.detour_m(Pose2(2.9, 0.3, 0.0), corner) == 0.0, "the corner is passed"

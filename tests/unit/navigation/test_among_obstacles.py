@@ -128,7 +128,7 @@ def test_free_path_is_tracked_as_without_costmap() -> None:
 
 
 @pytest.mark.parametrize("chair", [False, True])
-def test_drives_around_a_box_that_the_map_does_not_know(chair: bool) -> None:
+def test_drives_around_unmapped_box(chair: bool) -> None:
     story = Story(box(6.5, 7.5, 4.3, 5.7), corridor(), chair=chair)
     assert story.go(Pose2(12.0, 5.0, 0.0)) == ""
     assert story.controller.path is not None

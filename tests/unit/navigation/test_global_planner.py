@@ -79,7 +79,7 @@ def test_gate_is_passed_in_its_middle() -> None:
     assert abs(at[2]) < 0.5
 
 
-def test_whole_way_is_clear_of_the_oriented_footprint() -> None:
+def test_planned_path_keeps_clearance_of_oriented_footprint() -> None:
     for footprint in (ROBOT.footprint, ROBOT.footprint_with_chair):
         plan = planner(wall_with_gate(1.4, 8.0))
         found = plan.plan(START, GOAL, footprint)
@@ -96,7 +96,7 @@ def test_too_narrow_for_the_chair_but_not_for_the_robot() -> None:
     assert "no path" in found.reason or "too narrow" in found.reason
 
 
-def test_closed_wall_is_no_way() -> None:
+def test_plan_across_closed_wall_returns_no_way() -> None:
     cells = grid()
     cells[:, 75] = OCCUPIED
     found = planner(cells).plan(START, GOAL, ROBOT.footprint)
@@ -160,7 +160,7 @@ def test_goal_problem_is_empty_for_a_good_goal() -> None:
     assert goal_problem(site, ROBOT.footprint, GOAL, params().planner) == ""
 
 
-def test_not_finite_is_no_way() -> None:
+def test_plan_from_nan_start_returns_no_way() -> None:
     found = planner(grid()).plan(Pose2(math.nan, 0.0, 0.0), GOAL, ROBOT.footprint)
     assert isinstance(found, NoWay)
 

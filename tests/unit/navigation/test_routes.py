@@ -200,9 +200,7 @@ def test_a_question_that_is_dropped_is_not_answered(
     assert planner.take() is not None
 
 
-def test_an_answer_that_nobody_took_is_dropped_by_the_next_question(
-    planner: BackgroundPlanner, worker: SteppedWorker
-) -> None:
+def test_untaken_plan_is_dropped_by_next_request(planner: BackgroundPlanner, worker: SteppedWorker) -> None:
     planner.ask(SMALL)
     worker.finish()
     planner.ask(BIG)

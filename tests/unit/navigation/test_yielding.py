@@ -65,7 +65,7 @@ def test_robot_between_two_pedestrians_approaches_neither() -> None:
     assert twist is None or abs(twist.vy) > abs(twist.vx)
 
 
-def test_enough_room_is_no_reason_to_move() -> None:
+def test_yielding_does_not_move_with_enough_room() -> None:
     assert way_out(HERE, FOOTPRINT, around(), standing((0.5 + 0.25 + P.room_m + 0.1, 0.0)), MARGIN_M, P) is None
 
 

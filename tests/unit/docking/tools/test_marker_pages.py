@@ -73,7 +73,7 @@ def test_a_smaller_marker_is_printed_as_small_as_it_is():
     assert np.ptp(corners_mm, axis=0) == pytest.approx(60.0, abs=0.1)
 
 
-def test_what_does_not_fit_is_refused():
+def test_marker_larger_than_paper_is_rejected():
     with pytest.raises(
         DoesNotFit, match=r"a marker of 160 mm needs 213\.333 mm with its quiet zone; A4 has room for 202"
     ):
@@ -117,7 +117,7 @@ def test_the_overview_shows_where_the_robot_sees_each_marker():
         assert 0.0 <= min(line.y0_mm, line.y1_mm) <= max(line.y0_mm, line.y1_mm) <= 297.0
 
 
-def test_words_for_a_marker_out_of_the_plane():
+def test_description_of_marker_out_of_board_plane():
     place = MarkerPlace(x_m=-0.05, y_m=0.0, z_m=0.4, yaw_rad=math.radians(10.0))
     words = describe(9, place)
     assert words == (

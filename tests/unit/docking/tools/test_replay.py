@@ -102,7 +102,7 @@ def test_a_camera_that_was_silent_from_the_start(story):
     assert docking["verdict"] == "failed in SEARCH after 4.0 s: front camera silent for 4.0 s from t=0.0 s"
 
 
-def test_a_recording_without_cameras_says_so(story):
+def test_recording_without_cameras_reports_missing_camera(story):
     story.camera = False
     story.run("IDLE", 1.0)
     story.run("SEARCH", 2.0)
@@ -144,7 +144,7 @@ def test_a_latch_that_does_not_confirm_and_a_second_try(story):
     ]
 
 
-def test_an_emergency_stop_comes_before_what_follows_from_it(story):
+def test_emergency_stop_is_reported_before_its_consequences(story):
     story.run("IDLE", 0.5)
     story.run("SERVOING", 2.0, 0.1)
     story.emergency, story.faults = True, ("ESTOP_PRESSED",)
@@ -163,7 +163,7 @@ def test_an_emergency_stop_comes_before_what_follows_from_it(story):
     assert docking["limits"][0]["linear_mps"] == 0.0
 
 
-def test_a_limit_and_a_fault_of_before_are_told_from_the_start_on(story):
+def test_active_limit_and_fault_are_reported_from_start_of_docking(story):
     story.faults = ("IMU_TIMEOUT",)
     story.write(topics.VELOCITY_LIMIT, max_linear_velocity=0.5, reason="IMU_TIMEOUT")
     story.run("IDLE", 3.0)
@@ -197,7 +197,7 @@ def test_a_dock_that_moves(story):
     )
 
 
-def test_what_others_said(story):
+def test_replay_lists_messages_of_other_nodes_during_docking(story):
     story.run("IDLE", 0.5)
     story.run("SERVOING", 1.0)
     words = make("diagnostic_msgs/msg/DiagnosticStatus", name="docking_controller", message="MARKERS_LOST")
@@ -230,7 +230,7 @@ def test_a_recording_that_ends_and_one_that_begins_in_the_middle(story):
 
 
 @pytest.mark.parametrize("share", [0.25, 0.4])
-def test_a_truncated_file_is_told_as_far_as_it_goes(story, tmp_path, share):
+def test_truncated_recording_is_evaluated_up_to_damage(story, tmp_path, share):
     story.chunk_bytes = 5_000
     fail_by_lost_markers(story)
     story.close()

@@ -11,16 +11,16 @@ LINGER_S = 4.0
 
 
 @pytest.mark.parametrize("state", sorted(DOCKING))
-def test_markers_are_wanted_while_docking_is_on_its_way(state: DockingState) -> None:
+def test_marker_detection_is_enabled_while_docking(state: DockingState) -> None:
     assert DetectionGate(LINGER_S).wanted(state.value, 10.0)
 
 
 @pytest.mark.parametrize("state", ["", *sorted(set(DockingState) - DOCKING), "?"])
-def test_markers_are_not_wanted_otherwise(state: str) -> None:
+def test_marker_detection_is_disabled_outside_docking(state: str) -> None:
     assert not DetectionGate(LINGER_S).wanted(state, 10.0)
 
 
-def test_markers_are_wanted_for_a_while_after_the_dock_was_reached() -> None:
+def test_marker_detection_stays_enabled_for_linger_time_after_docked() -> None:
     demand = DetectionGate(LINGER_S)
     demand.wanted(DockingState.FINE_ALIGN.value, 10.0)
     assert demand.wanted(DockingState.DOCKED.value, 14.0)

@@ -76,7 +76,7 @@ def test_sharp_images_give_the_pose_to_a_fiftieth_of_a_millimetre(detector: Mark
 @pytest.mark.parametrize(
     ("distance_m", "worst_mm", "worst_deg"), [(0.6, 0.06, 0.02), (1.0, 0.06, 0.02), (3.0, 1.2, 0.2)]
 )
-def test_noise_and_blur_stay_within_these_errors_and_within_the_sigma_told(
+def test_pose_error_with_noise_and_blur_is_within_limit_and_reported_sigma(
     detector: MarkerDetector, distance_m: float, worst_mm: float, worst_deg: float
 ) -> None:
     random = np.random.default_rng(7)
@@ -114,7 +114,7 @@ def test_a_marker_at_the_wrong_place_is_left_out(detector: MarkerDetector) -> No
     assert errors(seen[0], board)[0] < 0.1
 
 
-def test_one_small_frontal_marker_is_ambiguous_and_says_so(detector: MarkerDetector) -> None:
+def test_single_small_frontal_marker_is_flagged_ambiguous(detector: MarkerDetector) -> None:
     board = facing(4.5, yaw_rad=0.03, pitch_rad=0.02)
     seen = detector.detect(picture(DOCK, board, USUAL, 3, without=(1, 2, 3)), CAMERA, FRAME)
     assert ids(seen) == [0]

@@ -129,7 +129,7 @@ def test_dirt_on_a_third_of_a_side_moves_no_corner() -> None:
     assert np.linalg.norm(corners - project(CORNERS, pose), axis=1).max() < 0.08
 
 
-def test_a_hidden_side_is_said_to_be_unknown() -> None:
+def test_hidden_marker_side_has_no_edge_points() -> None:
     pose = at(0.0, 0.0, 0.8)
     image = background()
     draw(image, 3, pose)

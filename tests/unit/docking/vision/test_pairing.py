@@ -86,7 +86,7 @@ def test_a_camera_without_markers_is_searched_in_every_fifth_image_while_the_oth
     assert attention.wants(FRONT)
 
 
-def test_while_nobody_sees_a_marker_every_image_is_searched() -> None:
+def test_all_images_are_searched_while_no_marker_is_visible() -> None:
     attention = Attention((FRONT, REAR), 5)
     assert all(attention.wants(camera) for _ in range(20) for camera in (FRONT, REAR))
     assert attention.leading == FRONT
