@@ -102,7 +102,7 @@ def test_rate_within_the_tolerance(rate_hz: float, right: bool) -> None:
     assert (judge(topics.ODOM, seen, NODES, 0.1).problems == ()) == right
 
 
-def test_one_slow_sender_among_many_is_noticed() -> None:
+def test_slow_publisher_among_many_is_detected() -> None:
     seen = at_rates(topics.HEARTBEAT, 1.0, 1.0, 0.8, 1.0, nodes=tuple(sorted(NODES)))
     assert judge(topics.HEARTBEAT, seen, NODES, 0.1).rate_error == pytest.approx(0.2)
 
@@ -156,7 +156,7 @@ def test_event_topic_without_events_is_quiet() -> None:
     assert judge(topics.PLAN, healthy(topics.PLAN, "navigation_controller"), NODES, 0.1).verdict is Verdict.QUIET
 
 
-def test_every_publisher_of_events_is_wanted_and_tools_are_not() -> None:
+def test_missing_event_publisher_is_reported_and_tools_are_ignored() -> None:
     nodes = NODES | {"docking_controller"}
     seen = healthy(topics.GOAL_POSE, "scenario_runner")
     assert judge(topics.GOAL_POSE, seen, nodes, 0.1).problems == ("not published by docking_controller",)
@@ -174,7 +174,7 @@ def test_one_machine_has_one_row_for_a_name() -> None:
         assert len(names) == len(set(names))
 
 
-def test_unknown_topics_are_told_apart_from_those_of_ros() -> None:
+def test_unknown_topics_exclude_topics_of_ros() -> None:
     rows = rows_of(System.ROBOT, use_sim_time=False)
     names = ["/odom", "/rosout", "/parameter_events", "/clock", "/docking/dock/_action/status", "/mine"]
     assert unknown_topics(names, rows) == ("/mine",)

@@ -41,7 +41,7 @@ def standing(x_m: float, y_m: float) -> Walker:
 
 
 @pytest.mark.parametrize("guarded", [True, False], ids=["with the safety monitor", "without it"])
-def test_who_stands_ahead_is_touched_only_by_a_robot_without_a_safety_monitor(guarded: bool) -> None:
+def test_standing_person_ahead_is_touched_only_without_safety_monitor(guarded: bool) -> None:
     outcome = play(case(standing(1.6, 0.0), Twist2(1.0, 0.0, 0.0)), guarded=guarded)
     if guarded:
         assert outcome.touch is None
@@ -65,7 +65,7 @@ def test_a_push_counts_with_its_greatest_closing_speed_and_its_way() -> None:
     assert touch.pushed_m > 0.1
 
 
-def test_who_runs_into_a_robot_that_stands_is_not_touched_by_it() -> None:
+def test_person_running_into_standing_robot_is_not_counted_as_touch() -> None:
     outcome = play(case(Walker(Pose2(3.0, 0.0, math.pi), (0.7, 0.0), 1.5, through=True), ZERO_TWIST, 3.0))
     assert outcome.near_m <= 0.0
     assert outcome.touch is None
@@ -78,7 +78,7 @@ def test_a_ride_with_nothing_in_the_way_ends() -> None:
     assert ridden.justified == 0
 
 
-def test_a_run_says_the_same_again() -> None:
+def test_identical_case_yields_identical_outcome() -> None:
     one = case(Walker(Pose2(3.0, 1.0, math.pi), (0.7, 0.0), 1.5, through=True), Twist2(0.4, 0.0, 0.1), 1.5)
     assert play(one) == play(one)
 
@@ -101,7 +101,7 @@ def moments_until_contact(walker: Walker, twist: Twist2, from_m: float) -> list[
 
 
 @pytest.mark.parametrize(("walks_mps", "drives_mps", "could"), [(0.5, 0.2, True), (2.0, 0.5, False)])
-def test_braking_from_half_a_metre_on_prevents_what_is_slow(walks_mps: float, drives_mps: float, could: bool) -> None:
+def test_contact_is_avoidable_only_at_low_speed(walks_mps: float, drives_mps: float, could: bool) -> None:
     walker = Walker(Pose2(0.0, 0.0, 0.0), (0.0, 0.0), walks_mps, through=True)
     twist = Twist2(drives_mps, 0.0, 0.0)
     moments = moments_until_contact(walker, twist, from_m=1.3)

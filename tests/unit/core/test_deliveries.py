@@ -45,7 +45,7 @@ def owed(own: Delivery, *publishers: Delivery) -> list[Debt]:
     return debts(own, rows_taken(own), publishers_by_row([own, *publishers]))
 
 
-def test_who_took_the_newest_message_is_owed_nothing() -> None:
+def test_subscriber_that_took_newest_message_has_no_debt() -> None:
     """The middleware's stamp lies between the publisher's record and the end of its call."""
     assert owed(subscriber(taken_ns=105), publisher(sent_ns=100)) == []
 
@@ -54,11 +54,11 @@ def test_a_message_that_was_not_taken_is_owed() -> None:
     assert owed(subscriber(taken_ns=95), publisher(sent_ns=100)) == [Debt(ROW, 100)]
 
 
-def test_who_has_taken_nothing_yet_may_not_be_matched() -> None:
+def test_subscriber_without_taken_message_has_no_debt() -> None:
     assert owed(subscriber(taken_ns=0), publisher(sent_ns=100)) == []
 
 
-def test_what_a_newer_message_overwrote_is_taken_with_it() -> None:
+def test_overwritten_message_is_settled_by_taking_newer_one() -> None:
     own, other = subscriber(taken_ns=51), publisher(sent_ns=50)
     other.published[ROW] = 100
     other.published[ROW] = 150  # depth 1: this overwrites the one of 100
@@ -73,7 +73,7 @@ def test_of_several_publishers_the_latest_counts() -> None:
     assert owed(own, publisher(100), publisher(120)) == [Debt(ROW, 120)]
 
 
-def test_a_publisher_that_starts_anew_is_owed_for_from_its_first_message_on() -> None:
+def test_restarted_publisher_creates_debt_from_first_message() -> None:
     own, reborn = subscriber(taken_ns=105), publisher(sent_ns=0)
     assert owed(own, reborn) == []
     reborn.published[ROW] = 200
@@ -88,7 +88,7 @@ def test_a_node_that_only_takes_publishes_nothing() -> None:
     assert publishers_by_row([subscriber(), publisher()]).keys() == {ROW}
 
 
-def test_what_is_published_while_one_waits_is_not_waited_for() -> None:
+def test_message_published_during_wait_is_not_awaited() -> None:
     own, other = subscriber(taken_ns=95), publisher(sent_ns=100)
     known = owed(own, other)
     other.published[ROW] = 200
@@ -106,7 +106,7 @@ def test_a_lost_message_is_waited_for_no_longer_and_the_next_one_is() -> None:
     assert owed(own, other) == [Debt(ROW, 200)]
 
 
-def test_rows_that_wake_are_told_apart() -> None:
+def test_taken_rows_can_be_filtered_by_wake_flag() -> None:
     own = subscriber(use=TAKES | WAKES)
     own.uses[OTHER] = TAKES
     assert set(rows_taken(own)) == {ROW, OTHER}
@@ -125,7 +125,7 @@ class TestPages:
     def _folder(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(tmp_path))
 
-    def test_a_reader_sees_what_nodes_write_and_who_comes_later(self) -> None:
+    def test_reader_sees_written_values_and_later_nodes(self) -> None:
         reader = Deliveries()
         reader.search()
         assert reader.pages == {}
@@ -137,7 +137,7 @@ class TestPages:
         assert reader.pages["first"].published[ROW] == 7
         assert reader.pages["second"].taken[ROW] == 8
 
-    def test_a_node_that_starts_anew_has_an_empty_page_that_readers_keep(self) -> None:
+    def test_restarted_node_clears_page_and_readers_keep_it(self) -> None:
         reader = Deliveries()
         open_delivery("node", create=True).taken[ROW] = 8
         reader.search()

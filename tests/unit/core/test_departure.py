@@ -25,7 +25,7 @@ def warned_s(departure: Departure, dt_s: float = 0.1) -> float:
     return seconds
 
 
-def test_a_robot_that_was_switched_on_warns_in_full_and_says_when_it_goes() -> None:
+def test_departure_after_power_on_warns_fully_and_reports_departure_once() -> None:
     departure = Departure(PARAMS)
     assert departure.remaining_s is None
     assert warned_s(departure) == pytest.approx(2.0)
@@ -35,7 +35,7 @@ def test_a_robot_that_was_switched_on_warns_in_full_and_says_when_it_goes() -> N
 
 
 @pytest.mark.parametrize("twist", [None, Twist2(math.nan, 0.0, 0.0), ZERO_TWIST, Twist2(0.02, 0.0, -0.02)])
-def test_what_nobody_knows_to_move_stands(twist: Twist2 | None) -> None:
+def test_unknown_or_slow_twist_counts_as_standstill(twist: Twist2 | None) -> None:
     departure = Departure(PARAMS)
     departure.elapse(MOVING, 1.0)
     assert departure.moving
@@ -64,7 +64,7 @@ def test_a_dropped_warning_is_given_in_full_again() -> None:
 
 
 @pytest.mark.parametrize("announced", [True, False])
-def test_a_warning_of_somebody_else_is_good_for_ten_seconds(announced: bool) -> None:
+def test_external_departure_warning_is_valid_for_ten_seconds(announced: bool) -> None:
     departure = Departure(PARAMS, announced=announced)
     if not announced:
         departure.announced()
@@ -73,7 +73,7 @@ def test_a_warning_of_somebody_else_is_good_for_ten_seconds(announced: bool) -> 
     assert not departure.cleared(0.1)
 
 
-def test_somebody_elses_warning_ends_ones_own() -> None:
+def test_external_departure_warning_ends_own_warning() -> None:
     departure = Departure(PARAMS)
     assert not departure.cleared(0.1)
     departure.announced()

@@ -58,7 +58,7 @@ def test_rate_is_unknown_first_and_zero_when_silent() -> None:
     assert health.check(1.0)["imu"].rate_hz == 0.0
 
 
-def test_a_removed_input_is_held_against_nobody() -> None:
+def test_removed_input_is_not_reported_stale() -> None:
     health = _health()
     health.received("imu", 0.0)
     health.remove("imu")

@@ -20,7 +20,7 @@ def test_slower_takes_the_smaller_of_each():
 
 
 @pytest.mark.parametrize("limit", [STANDSTILL, SpeedLimit(math.nan, -1.0), SpeedLimit(-math.inf, math.nan)])
-def test_what_is_no_speed_is_a_standstill(limit: SpeedLimit):
+def test_invalid_speed_limit_is_standstill(limit: SpeedLimit):
     assert limit.usable() == (0.0, 0.0)
     assert (EMPTY.slower(limit).speed_mps, EMPTY.slower(limit).yaw_rate_radps) == (0.0, 0.0)
 

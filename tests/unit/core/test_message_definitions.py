@@ -36,7 +36,7 @@ def test_each_used_type_appears_once_behind_its_line():
     ]
 
 
-def test_constants_and_comments_are_no_types():
+def test_constants_and_comments_add_no_message_types():
     text = message_definition("custom_msgs/msg/MissionStatus")  # string constants, many comments
     assert [line for line in text.splitlines() if line.startswith("MSG: ")] == [
         "MSG: std_msgs/Header",

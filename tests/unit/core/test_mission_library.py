@@ -65,7 +65,7 @@ def test_where_the_library_looks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert mission_library(str(tmp_path / "a"), "~/b").folders == (tmp_path / "a", Path.home() / "b")
 
 
-def test_what_is_saved_is_what_is_read(own: OwnMissions) -> None:
+def test_saved_mission_is_read_back_unchanged(own: OwnMissions) -> None:
     own.save(mission())
     assert read_mission(own.path("tour")) == mission()
     assert os.listdir(own.folder) == ["tour.yaml"]

@@ -215,6 +215,6 @@ def test_sleeps_of_the_calling_thread_are_sharp():
     assert seen == [(True, 1)]
 
 
-def test_systems_without_the_setting_say_so(monkeypatch: pytest.MonkeyPatch):
+def test_sharpen_sleep_returns_false_on_other_platforms(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(sys, "platform", "darwin")
     assert sharpen_sleep() is False

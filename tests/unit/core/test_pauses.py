@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from robot_stack.core.pauses import LONGEST_S, SHARE, PauseBudget
 
 
-def test_a_short_pause_is_excused_wholly_and_a_long_one_in_part() -> None:
+def test_short_pause_is_excused_fully_and_long_pause_partly() -> None:
     assert PauseBudget(10.0).excuse(0.12, 11.0) == 0.12
     assert PauseBudget(10.0).excuse(0.6, 11.0) == LONGEST_S
 
@@ -31,7 +31,7 @@ def test_the_budget_fills_while_the_process_runs() -> None:
 
 
 @pytest.mark.parametrize("late_s", [0.0, -1.0, math.nan])
-def test_what_is_no_pause_is_not_excused(late_s: float) -> None:
+def test_non_positive_or_nan_pause_is_not_excused(late_s: float) -> None:
     assert PauseBudget(0.0).excuse(late_s, 1.0) == 0.0
 
 

@@ -42,7 +42,7 @@ def test_a_pose_that_comes_late_is_not_taken() -> None:
     assert late.newest.pose == Pose2(0.2, 0.0, -3.0)
 
 
-def test_what_is_older_than_the_history_is_forgotten() -> None:
+def test_poses_older_than_history_are_dropped() -> None:
     long = history()
     long.add(11.05, Pose2(1.0, 0.0, 0.0))
     assert long.at(10.0) is None

@@ -48,7 +48,7 @@ def test_a_wheel_that_rolls_ahead_goes_down_in_front() -> None:
 
 
 @pytest.mark.parametrize("angle", [math.nan, math.inf])
-def test_angles_that_are_no_numbers_count_as_zero(angle: float) -> None:
+def test_non_finite_angles_count_as_zero(angle: float) -> None:
     assert wheel({"fl_steer": angle}) == pytest.approx(wheel({}))
 
 

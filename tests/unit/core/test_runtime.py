@@ -87,7 +87,7 @@ def test_a_folder_of_another_user_is_refused(monkeypatch: pytest.MonkeyPatch) ->
         runtime_dir()
 
 
-def test_a_file_or_a_link_is_no_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_runtime_folder_rejects_symbolic_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("ROBOT_STACK_RUNTIME_DIR")
     monkeypatch.setattr(runtime, "_shared_memory", lambda: tmp_path)
     elsewhere = tmp_path / "elsewhere"

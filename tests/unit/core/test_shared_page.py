@@ -23,7 +23,7 @@ def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 class TestPage:
-    def test_words_and_text_reach_another_reader(self, tmp_path: Path) -> None:
+    def test_shared_page_values_and_text_are_read_by_other_reader(self, tmp_path: Path) -> None:
         writer = SharedPage(tmp_path / "page", 2, 1, 16, create=True)
         reader = SharedPage(tmp_path / "page", 2, 1, 16, create=False)
         with writer.writing() as words:
@@ -46,7 +46,7 @@ class TestPage:
         with pytest.raises(FileNotFoundError, match="being created"):
             SharedPage(tmp_path / "page", 1, create=False)
 
-    def test_a_writer_that_died_over_it_leaves_what_was_before(self, tmp_path: Path) -> None:
+    def test_died_writer_leaves_previous_values(self, tmp_path: Path) -> None:
         page = SharedPage(tmp_path / "page", 2, create=True)
         writing = page.writing()
         words = writing.__enter__()
@@ -57,7 +57,7 @@ class TestPage:
             words[1] = 3
         assert page.read() == (0, 3)
 
-    def test_a_writer_that_is_held_up_shows_what_was_before(self, tmp_path: Path) -> None:
+    def test_unfinished_write_shows_previous_values(self, tmp_path: Path) -> None:
         """If a writer is preempted, readers must not see its half-written values."""
         writer = SharedPage(tmp_path / "page", 2, create=True)
         for number in (1, 2, 3):
@@ -103,7 +103,7 @@ class TestPage:
 
 
 class TestWorldClock:
-    def test_there_is_none_without_a_world(self) -> None:
+    def test_world_clock_is_absent_without_world(self) -> None:
         assert WorldClock.find() is None
         WorldClock.make()
         assert WorldClock.find() is not None
@@ -111,7 +111,7 @@ class TestWorldClock:
         assert not clock_path().exists()
         assert WorldClock.find() is None
 
-    def test_it_is_zero_at_speed_one_until_a_world_has_told_it(self) -> None:
+    def test_world_clock_is_zero_at_speed_one_before_first_write(self) -> None:
         clock = WorldClock.make()
         assert (clock.now_ns(), clock.speed, clock.pace) == (0, 1.0, 0.0)
 
@@ -134,7 +134,7 @@ class TestWorldClock:
         world.write(10.01, 0.0, 1.0)
         assert clock.now_s() == pytest.approx(10.01)
 
-    def test_a_world_that_begins_anew_is_believed(self) -> None:
+    def test_world_clock_accepts_time_set_back(self) -> None:
         world, clock = WorldClock.make(), WorldClock.find()
         assert clock is not None
         world.write(200.0, 0.0, 1.0)
@@ -169,7 +169,7 @@ class TestNodeRecord:
         assert 0.0 <= time.monotonic() - state.beat_s < 5.0
         assert node_record.names() == ["a"]
 
-    def test_what_is_due(self) -> None:
+    def test_due_time_of_node_records(self) -> None:
         record, records = NodeRecord("a"), NodeRecords()
         record.constructing("imports")
         assert records.due_s("a") == math.inf
@@ -189,7 +189,7 @@ class TestNodeRecord:
         assert heartbeats.new() == ["a"]
         assert heartbeats.new() == []
 
-    def test_construction_is_no_heartbeat(self) -> None:
+    def test_construction_report_is_not_a_heartbeat(self) -> None:
         record = NodeRecord("a")
         heartbeats = Heartbeats(["a"])
         record.constructing("imports")

@@ -20,7 +20,7 @@ def test_true_stops_at_once_and_false_alone_releases_nothing() -> None:
     assert latch.active
 
 
-def test_a_status_sent_before_the_monitor_knew_does_not_release() -> None:
+def test_inactive_status_before_active_status_does_not_release_latch() -> None:
     latch = StopLatch()
     latch.on_emergency_stop(True)
     latch.on_emergency_stop(False)
@@ -49,7 +49,7 @@ def test_an_emergency_in_the_status_alone_stops() -> None:
     assert not latch.active
 
 
-def test_where_no_monitor_belongs_to_the_machine_false_releases_until_one_speaks() -> None:
+def test_unmonitored_latch_releases_on_false_until_first_safety_status() -> None:
     latch = StopLatch(monitored=False)
     latch.on_emergency_stop(True)
     assert latch.active

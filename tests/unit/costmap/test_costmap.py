@@ -68,7 +68,7 @@ def test_the_space_stays_as_it_is() -> None:
         (0.05, (200, 200), 50, "data has other cells than -1, 0, 100"),
     ],
 )
-def test_grids_that_make_no_sense(resolution_m: float, size: tuple[int, int], cell: int, problem: str) -> None:
+def test_invalid_space_grid_is_reported(resolution_m: float, size: tuple[int, int], cell: int, problem: str) -> None:
     state = space().state
     state[0, 0] = cell
     found = space_problem(Space(state, resolution_m), size)

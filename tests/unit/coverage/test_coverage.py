@@ -50,7 +50,7 @@ def ring(**changed: object) -> RangeSensor:
     return RangeSensor.model_validate({**values, **changed})
 
 
-def test_the_band_is_as_large_as_its_formula_says() -> None:
+def test_band_area_matches_formula() -> None:
     """Sides, ends and four quarters of a circle, without the strip where an object would touch the robot."""
     inner, outer = 0.5 * PARAMS.thing_width_m, PARAMS.band_m
     area = 2.0 * (1.0 + 0.7) * (outer - inner) + math.pi * (outer**2 - inner**2)
@@ -92,7 +92,7 @@ def test_an_upside_down_sensor_looks_down() -> None:
     assert not seen.things[0.6][away > 1.7].any()
 
 
-def test_what_belongs_to_the_robot_hides_what_is_behind_it() -> None:
+def test_robot_body_hides_cells_behind_it() -> None:
     wall = Solid(kind="box", size_m=(0.05, 4.0, 1.0), at_m=(0.4, 0.0, 0.5), turn_deg=(0.0, 0.0, 0.0), colour="#000000")
     seen = look({"ring": ring()}, Body([Placed("wall", wall, wall.pose())], FOOTPRINT), PARAMS)
     ahead = (seen.grid.cells[:, 0] > 0.6) & (np.abs(seen.grid.cells[:, 1]) < 0.5)
@@ -108,13 +108,13 @@ def test_sensors_add_up() -> None:
     assert (both.by_sensor["left"][0.6] + both.by_sensor["right"][0.6] == both.things[0.6]).all()
 
 
-def test_what_counts_as_seen_is_what_perception_can_use() -> None:
+def test_coverage_thresholds_equal_perception_parameters() -> None:
     perception = load(PerceptionParams, "perception_pipeline")
     assert perception.obstacles.neighbours_min == PARAMS.points_min
     assert perception.ground.obstacle_min_m == PARAMS.lowest_point_m
 
 
-def test_the_robot_sees_what_it_must() -> None:
+def test_coverage_figures_meet_their_aims() -> None:
     figures, conditions = bench.run()
     for name, aim in bench.AIMS.items():
         assert aim.met(figures[name]), f"{name}: {figures[name]:.2f}"
@@ -133,7 +133,7 @@ def test_the_lidar_alone_does_not_see_past_the_passenger() -> None:
     assert not (seen.things[0.6][ahead] >= PARAMS.points_min).any()
 
 
-def test_the_layouts_that_are_compared_are_whole() -> None:
+def test_every_compared_layout_has_sensors() -> None:
     robot = load_robot()
     for layout in load_layouts().layouts.values():
         assert sensors_of(layout, robot)
@@ -154,7 +154,7 @@ def test_the_verb_refuses_a_layout_that_there_is_not() -> None:
     assert done.exit_code != 0
 
 
-def test_a_picture_shows_what_is_seen_and_what_is_not() -> None:
+def test_picture_colours_differ_by_number_of_points() -> None:
     grid = band(FOOTPRINT, PARAMS)
     points = np.zeros(len(grid.cells), np.int64)
     points[0], points[1] = PARAMS.points_min, 1

@@ -82,7 +82,7 @@ def test_a_thing_is_met_by_the_beams_towards_it_and_by_no_other() -> None:
 @pytest.mark.parametrize(
     ("height_m", "reach_m", "least_m"), [(0.7, 5.0, 0.05), (0.05, 5.0, 0.05), (0.3, 0.85, 0.05), (0.3, 5.0, 1.5)]
 )
-def test_what_passes_above_or_below_or_is_hidden_is_not_met(height_m: float, reach_m: float, least_m: float) -> None:
+def test_rays_passing_or_blocked_are_not_counted(height_m: float, reach_m: float, least_m: float) -> None:
     counts = np.zeros(1, np.int64)
     origin, cell = np.array([0.0, 0.0, height_m]), np.array([[1.0, 0.0]])
     count_on_things(origin, AHEAD, np.array([reach_m]), np.zeros(1), least_m, cell, 0.1, 0.1, 0.6, counts)

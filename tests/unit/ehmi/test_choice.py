@@ -15,12 +15,12 @@ CALM = Situation(emergency=False, safety=Safety.FRESH, asked=None, passenger=Fal
 @pytest.mark.parametrize("asked", [None, *Display])
 @pytest.mark.parametrize("safety", Safety)
 @pytest.mark.parametrize("passenger", [False, True])
-def test_an_emergency_stop_shows_6_whatever_is_asked(asked, safety, passenger):
+def test_emergency_stop_overrides_requested_display(asked, safety, passenger):
     assert choose(Situation(True, safety, asked, passenger, "RUNNING", "SERVOING")) is Display.EMERGENCY_STOP
 
 
 @pytest.mark.parametrize("asked", Display)
-def test_what_is_asked_is_shown(asked):
+def test_requested_display_is_shown(asked):
     assert choose(replace(CALM, asked=int(asked))) is asked
 
 
@@ -31,7 +31,7 @@ def test_a_safety_monitor_that_is_not_there(asked):
 
 
 @pytest.mark.parametrize("asked", Display)
-def test_nobody_is_told_that_a_robot_with_a_passenger_is_empty(asked):
+def test_display_with_passenger_replaces_states_of_empty_robot(asked):
     other = {Display.IDLE: Display.PASSENGER_ONBOARD, Display.NAVIGATING: Display.TRANSPORT,
              Display.APPROACHING_CHAIR: Display.TRANSPORT}  # fmt: skip
     assert choose(replace(CALM, asked=asked, passenger=True)) is other.get(asked, asked)
@@ -57,5 +57,5 @@ def test_nobody_is_told_that_a_robot_with_a_passenger_is_empty(asked):
         ("", "DOCKED", True, Display.PASSENGER_ONBOARD),
     ],
 )
-def test_while_nobody_asks_it_follows_from_mission_and_docking(mission, docking, passenger, state):
+def test_display_without_request_is_derived_from_mission_and_docking(mission, docking, passenger, state):
     assert choose(replace(CALM, mission=mission, docking=docking, passenger=passenger)) is state

@@ -108,7 +108,7 @@ def test_junk_never_raises_and_ends_with_its_line(junk, command):
         (b"A" * 5000, "too long"),
     ],
 )
-def test_what_is_no_line_is_counted(line, problem):
+def test_malformed_line_is_counted_and_dropped(line, problem):
     decoder = Decoder()
     assert decoder.feed(line + b"\n") == []
     assert dict(decoder.rejected) == {problem: 1}
@@ -132,7 +132,7 @@ def test_a_half_line_is_forgotten_on_a_new_connection():
     assert decoder.feed(codec.encode("PING")) == ["PING"]
 
 
-def test_a_checksum_that_is_not_asked_for_is_still_checked():
+def test_optional_checksum_is_verified_if_present():
     assert decoded(b"PING\nPING*10\nPING*11\n", checksum=False) == ["PING", "PING"]
 
 
@@ -141,7 +141,7 @@ def test_a_checksum_in_small_letters_is_the_same():
 
 
 @pytest.mark.parametrize("text", ["", "A*B", "A\nB", "é", "A\x7f"])
-def test_what_cannot_be_sent(text):
+def test_unencodable_text_is_rejected(text):
     with pytest.raises(ValueError, match=r"cannot be sent|ascii"):
         codec.encode(text)
 
@@ -161,7 +161,7 @@ def test_a_command_is_parsed_to_itself(command):
      "STATE -1", "STATE 1_0", "STATE ２", "STATE 999999999999", "state 1", "LANG de", "LANG", "VOL 11", "VOL 05",
      "VOL x", "PING 1", "PING ", "FLY 1"],
 )  # fmt: skip
-def test_what_is_no_command(text):
+def test_malformed_command_is_not_parsed(text):
     assert codec.parse_command(text) is None
     assert codec.parse_answer(f"OK {text}") is None
 

@@ -104,7 +104,7 @@ def test_before_the_port_is_open_nothing_is_known(story):
     assert story.opens == 1
 
 
-def test_a_first_connection_asks_and_then_tells_all(story):
+def test_first_connection_sends_ping_then_all_values(story):
     story.open()
     assert story.heard == ["PING", "LANG ja", "VOL 5", "STATE 1"]
     status = story.link.status
@@ -131,7 +131,7 @@ def test_a_new_state_goes_out_at_once(story):
     assert story.link.status.acknowledged_state == 2
 
 
-def test_only_what_changed_is_told(story):
+def test_only_changed_values_are_sent(story):
     story.open().clear().show(1, "en")
     assert story.heard == ["LANG en"]
     story.clear().show(1, "en", 9)
@@ -150,7 +150,7 @@ def test_the_time_from_wish_to_acknowledge(story):
     assert story.link.status.state_to_ack_s == pytest.approx(0.03), "of the first acknowledge"
 
 
-def test_what_the_display_cannot_show_is_refused_and_changes_nothing(story):
+def test_values_out_of_range_are_rejected_and_not_sent(story):
     story.open().clear()
     for wrong in (Shown(11, "ja", 5), Shown(1, "de", 5), Shown(1, "ja", 11)):
         with pytest.raises(ValueError, match="no command"):
@@ -180,14 +180,14 @@ def test_an_answer_to_any_try_will_do(story, at_s):
     assert story.clear().wait(3.0).linked
 
 
-def test_a_retry_says_what_is_wanted_by_then(story):
+def test_retry_sends_latest_value(story):
     story.open().silent().show(1, "en").clear()
     story.link.show(Shown(1, "zh", 5), story.now_s)
     story.now_s += 0.2
     assert story.act().heard == ["LANG zh"]
 
 
-def test_an_echo_of_something_else_is_no_acknowledge(story):
+def test_echo_of_other_state_is_not_an_acknowledgement(story):
     story.open().silent().show(23).clear().says("OK STATE 10")
     assert story.link.status.acknowledged_state == 10, "that is what it shows"
     story.wait(0.25)
@@ -215,7 +215,7 @@ def test_a_state_waits_for_the_language_but_a_stop_does_not(story):
     assert story.heard == ["LANG en", "STATE 6"]
 
 
-def test_a_stop_is_told_before_language_and_volume(story):
+def test_emergency_stop_state_is_sent_before_language_and_volume(story):
     story.open().clear().show(6, "en", 9)
     assert story.heard == ["STATE 6", "LANG en", "VOL 9"]
 
@@ -229,7 +229,7 @@ def test_garbage_is_counted_and_harms_nothing(story):
     assert story.link.rejected == {"not ASCII": 1, "no checksum": 1, "wrong checksum": 1, "unknown answer": 3}
 
 
-def test_a_garbled_answer_is_asked_for_again_at_once_but_once_only(story):
+def test_corrupt_answer_triggers_one_immediate_retry(story):
     story.open().silent().clear().show(2)
     story.link.received(b"OK STA?E 2*4C\n", story.now_s)
     story.act()
@@ -253,7 +253,7 @@ def test_half_lines_are_joined(story):
 # --- ERROR, FAULT, READY ---------------------------------------------------------------------------------------------
 
 
-def test_an_error_is_asked_again_at_once_three_times_in_all(story):
+def test_error_answer_is_retried_up_to_three_attempts(story):
     story.open().silent().clear().show(2).says("ERROR not a line").act().says("ERROR not a line").act()
     assert story.heard == ["STATE 2"] * 3
     story.says("ERROR unknown command").act()
@@ -262,7 +262,7 @@ def test_an_error_is_asked_again_at_once_three_times_in_all(story):
     assert story.heard == ["STATE 2"] * 3
 
 
-def test_what_was_refused_is_tried_again_with_the_next_repetition(story):
+def test_rejected_state_is_sent_again_at_next_repetition(story):
     story.open().silent().clear().show(2)
     for _ in range(3):
         story.says("ERROR").act()
@@ -290,12 +290,12 @@ def test_another_wish_does_not_wait_for_a_refused_one(story):
     assert story.heard == ["STATE 3"]
 
 
-def test_an_error_that_nobody_asked_for(story):
+def test_unsolicited_error_is_ignored(story):
     story.open().clear().says("ERROR not a line").act()
     assert (story.heard, story.linked) == ([], True)
 
 
-def test_ready_has_everything_told_again(story):
+def test_ready_message_triggers_resend_of_all_values(story):
     story.show(25).open().wait(0.3).clear().says("READY").act()
     assert story.heard == ["LANG ja", "VOL 5", "STATE 25"]
 
@@ -315,7 +315,7 @@ def test_ready_of_a_display_that_was_silent_is_answered_at_once(story):
     assert story.linked
 
 
-def test_ready_alone_is_no_acknowledge(story):
+def test_ready_message_is_not_an_acknowledgement(story):
     story.silent().open().says("READY").act()
     assert not story.linked
     story.wait(0.7)
@@ -371,7 +371,7 @@ def test_an_acknowledge_ends_the_back_off(story):
     assert story.link.next_due_s() == pytest.approx(story.now_s + 0.25)
 
 
-def test_a_change_while_the_cable_is_out_is_told_when_it_is_back(story):
+def test_change_during_disconnection_is_sent_after_reconnection(story):
     story.open().link.lost("hung up", story.now_s)
     story.show(6).clear().wait(0.3).link.opened(story.now_s)
     story.act()
@@ -386,7 +386,7 @@ def test_half_a_line_from_before_the_cable_was_pulled_spoils_nothing(story):
     assert story.link.rejected == {}
 
 
-def test_a_silent_display_is_asked_by_ping_and_state_in_turn_then_the_port_is_opened_anew(story):
+def test_silent_display_is_polled_then_port_is_reopened(story):
     story.silent().show(25).open().wait(2.9)
     assert story.heard == ["PING", "STATE 25"] * 3
     assert not story.linked
@@ -398,7 +398,7 @@ def test_a_silent_display_is_asked_by_ping_and_state_in_turn_then_the_port_is_op
     assert story.opens == 2
 
 
-def test_a_stop_reaches_a_display_that_hears_and_is_not_heard(story):
+def test_emergency_stop_is_sent_to_display_that_does_not_answer(story):
     story.silent().open().wait(1.0).show(6).clear().wait(1.1)
     assert "STATE 6" in story.heard
 

@@ -65,7 +65,7 @@ def test_red_is_for_emergency_stop_and_failed_docking_alone():
     assert red == {Display.EMERGENCY_STOP, Display.DOCKING_FAILED}
 
 
-def test_what_begins_to_move_chimes():
+def test_states_with_motion_use_departure_chime():
     for state in (Display.NAVIGATING, Display.APPROACHING_CHAIR, Display.TRANSPORT, Display.MANUAL):
         assert PATTERNS.states[state].sound == "departure_chime"
 
@@ -160,7 +160,7 @@ def test_an_incomplete_table_is_refused():
 
 @pytest.mark.parametrize("language", codec.LANGUAGES)
 @pytest.mark.parametrize("state", sorted(PATTERNS.states))
-def test_a_picture_is_well_formed_and_says_the_text(state, language):
+def test_picture_is_well_formed_svg_with_text_of_state(state, language):
     text = PATTERNS.states[state].text.get(language)
     root = ElementTree.fromstring(picture.svg(PATTERNS, state, language, 1.3))
     assert root.attrib["lang"] == language

@@ -57,7 +57,7 @@ def value_at(grid, x: float, y: float) -> int:
     return int(grid.occupancy[row, column])
 
 
-def test_the_grid_knows_walls_ground_and_boxes(built):
+def test_grid_marks_walls_and_boxes_occupied_and_ground_free(built):
     grid = built.grid
     for x, y in ((3.0, 0.0), (0.0, 3.0), (-3.0, 0.1), (0.1, -3.0)):
         assert value_at(grid, x, y) == FREE
@@ -65,7 +65,7 @@ def test_the_grid_knows_walls_ground_and_boxes(built):
         assert value_at(grid, x, y) == OCCUPIED
 
 
-def test_who_left_is_not_in_the_map(built):
+def test_temporary_visitor_is_removed_from_map(built):
     (x0, y0, _), (x1, y1, _) = site.VISITOR
     assert built.moved_share > 0.0
     m = built.cells.mean

@@ -57,7 +57,7 @@ def errors(found: CameraMountFound) -> tuple[Floats, Floats]:
     return turn, found.pose[:2, 3] - camera()[:2, 3]
 
 
-def test_it_finds_the_mount_as_well_as_it_says() -> None:
+def test_camera_mount_errors_agree_with_reported_deviations() -> None:
     scaled = []
     for seed in range(12):
         found = camera_mount_of(*views(way(60, 0.8, 0.5, 14.0), seed), NOMINAL, SETTINGS)
@@ -87,12 +87,12 @@ def test_views_that_are_wrong_move_it_little() -> None:
     ],
     ids=["few", "no turn", "no way"],
 )
-def test_what_cannot_be_told_is_refused(base: Floats, noise_m: float, why: str) -> None:
+def test_camera_mount_from_insufficient_views_is_rejected(base: Floats, noise_m: float, why: str) -> None:
     with pytest.raises(RideError, match=why):
         camera_mount_of(*views(base, 0, place_m=noise_m), NOMINAL, SETTINGS)
 
 
-def test_a_place_that_cannot_be_told_is_refused() -> None:
+def test_camera_mount_with_excessive_position_deviation_is_rejected() -> None:
     settings = SETTINGS.model_copy(update={"deviation_deg": 5.0})
     with pytest.raises(RideError, match=r"the deviation of the position is \d+\.\d mm, at most 5 mm"):
         camera_mount_of(*views(way(60, 0.5, 0.5, 8.0), 0, place_m=0.02), NOMINAL, settings)

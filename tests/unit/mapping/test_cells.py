@@ -58,7 +58,7 @@ def test_many_sweeps_are_one_cloud(seed, sweeps, min_points):
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e9])
-def test_what_has_no_voxel_is_refused(value):
+def test_non_finite_or_huge_points_are_rejected(value):
     with pytest.raises(ValueError, match="finite"):
         cells_of(np.array([[0.0, value, 0.0]]), 1.0, 2)
 

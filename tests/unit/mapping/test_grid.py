@@ -52,23 +52,23 @@ def share(grid, value: int, x0: float, x1: float, y0: float, y1: float) -> float
     return float((grid.occupancy[rows, columns] == value).mean())
 
 
-def test_open_ground_is_free_and_what_nobody_saw_unknown(grid):
+def test_open_ground_is_free_and_unobserved_space_is_unknown(grid):
     assert share(grid, FREE, 0.6, 3.7, 1.3, 1.9) == 1.0
     assert share(grid, FREE, 1.0, 3.0, 3.0, 3.6) == 1.0, "a ceiling is no obstacle"
     assert share(grid, UNKNOWN, 0.0, 0.4, 2.2, 3.6) == 1.0
 
 
-def test_a_kerb_of_5_cm_is_no_way(grid):
+def test_kerb_of_5_cm_is_occupied_without_gap(grid):
     for y in np.arange(1.4, 3.6, 0.1):
         assert share(grid, OCCUPIED, 3.9, 4.3, y, y + 0.1) > 0.0, f"a hole in the kerb at y = {y:.1f}"
 
 
-def test_a_step_up_to_a_platform_is_no_way(grid):
+def test_step_up_to_platform_is_occupied_without_gap(grid):
     for y in np.arange(1.4, 3.6, 0.1):
         assert share(grid, OCCUPIED, 4.8, 5.2, y, y + 0.1) > 0.0, f"a hole in the step at y = {y:.1f}"
 
 
-def test_a_pit_is_no_way(grid):
+def test_pit_is_occupied(grid):
     assert share(grid, OCCUPIED, 0.8, 3.8, 4.1, 5.8) > 0.99
 
 
@@ -76,7 +76,7 @@ def test_a_ramp_of_10_deg_is_free(grid):
     assert share(grid, FREE, 0.6, 3.5, -1.2, 0.7) > 0.99
 
 
-def test_the_side_of_a_ramp_is_no_way(grid):
+def test_side_of_ramp_is_occupied_without_gap(grid):
     for x in np.arange(2.0, 3.6, 0.1):
         assert share(grid, OCCUPIED, x, x + 0.1, 0.8, 1.2) > 0.0, f"a way off the ramp at x = {x:.1f}"
 

@@ -79,7 +79,7 @@ def plane(slope: tuple[float, float], yaw: float, rotation: np.ndarray, height_m
     return Plane(normal, float(normal @ SENSOR) - height_m, 0.01)
 
 
-def test_a_slope_is_told_from_a_tilt_by_turning() -> None:
+def test_tilt_is_separated_from_slope_by_turning() -> None:
     rotation, yaw = rotation_of(np.radians([1.0, -2.0, 0.0])), np.linspace(0.0, 2.0 * math.pi, 40)
     tilt = tilt_of([plane((0.05, -0.03), angle, rotation, 0.73) for angle in yaw], yaw, 20.0, SENSOR)
     np.testing.assert_allclose(tilt.rotation, rotation, atol=1e-4)

@@ -31,7 +31,7 @@ def test_a_loop_spreads_its_error_evenly():
     assert errors(found, loop)[0, 0] == pytest.approx(-0.04, abs=1e-6)
 
 
-def test_a_wrong_loop_loses_its_say():
+def test_robust_kernel_suppresses_wrong_loop_closure():
     anchor = Edges(np.array([-1]), np.array([0]), np.eye(4)[None], FIRM)
     chain = edges(range(4), range(1, 5), [planar(1.0, 0.0, 0.0)] * 4)
     wrong = edges([0], [4], [planar(0.0, 3.0, 1.0)], robust=3.0)

@@ -44,7 +44,7 @@ def test_a_displaced_sweep_comes_back(targets, seed):
     assert found.share > 0.9
 
 
-def test_what_holds_the_guess_holds_it_where_nothing_else_does(targets):
+def test_prior_holds_guess_in_unconstrained_directions(targets):
     """A bare floor does not constrain x, y and yaw."""
     random = np.random.default_rng(1)
     floor = np.stack([random.uniform(1.0, 5.0, 900), random.uniform(1.0, 5.0, 900), np.full(900, 0.02)], axis=1)

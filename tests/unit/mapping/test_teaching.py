@@ -45,7 +45,7 @@ def ridden():
     return taught(collector), collector.finish()
 
 
-def test_what_is_shown_is_the_odometry_that_the_map_is_built_from(ridden):
+def test_teaching_display_uses_same_odometry_as_map_build(ridden):
     growing, ride = ridden
     wheels = begun_at(driven(ride), site.START)
     lidar, _ = lidar_odometry([s.points.astype(np.float64) for s in ride.sweeps], wheels, site.params().lidar_odometry)
@@ -60,7 +60,7 @@ def test_sweeps_that_come_together_are_all_shown(ridden):
     np.testing.assert_allclose(growing.by_lidar[-1], ridden[0].by_lidar[-1], atol=1e-6)
 
 
-def test_what_the_driver_is_told(ridden):
+def test_teaching_status_reports_distance_size_and_deviation(ridden):
     growing, _ = ridden
     true_m = site.SPEED_MPS * (site.DURATION_S - site.STAND_S)
     assert growing.driven_m == pytest.approx(true_m, abs=1.0)
@@ -75,7 +75,7 @@ def test_what_the_driver_is_told(ridden):
     assert status_line(growing).startswith(f"{growing.driven_m:.1f} m, {len(growing.by_lidar)} sweeps, 12 x 10 m seen")
 
 
-def test_structure_is_what_stands(ridden):
+def test_structure_contains_walls_and_no_cells_on_path(ridden):
     growing, _ = ridden
     seen, standing = growing.seen, growing.structure
     size_m = site.params().grid.resolution_m
@@ -88,7 +88,7 @@ def test_structure_is_what_stands(ridden):
     assert np.linalg.norm(centres[:, None] - way[None], axis=2).min() > 0.5
 
 
-def test_nothing_yet_is_no_error():
+def test_empty_growing_map_reports_zero_status_without_warnings():
     growing = GrowingMap(site.params(), None)
     assert status_line(growing).startswith("0.0 m, 0 sweeps, 0 x 0 m seen")
     assert growing.apart == (0.0, 0.0)
@@ -143,14 +143,14 @@ def test_inputs_that_are_not_well(ridden, change, words):
     ("twist", "words"),
     [((1.3, 0.0, 0.0), "too fast"), ((0.9, 0.9, 0.0), "too fast"), ((0.0, 0.0, -0.9), "too fast")],
 )
-def test_a_driver_who_is_too_fast(ridden, twist, words):
+def test_too_fast_motion_is_warned_of(ridden, twist, words):
     motion = stood()
     motion.update(6.0, *twist)
     (found,) = warnings_of(WELL, motion, ridden[0], site.params().teach)
     assert words in found
 
 
-def test_a_driver_who_stands_and_one_who_never_stood(ridden):
+def test_long_standstill_and_missing_initial_standstill_are_warned_of(ridden):
     settings = site.params().teach
     (found,) = warnings_of(WELL, stood(settings.idle_s + 1.0), ridden[0], settings)
     assert "at standstill for more than 30 s" in found

@@ -56,7 +56,7 @@ def test_a_node_looks_ever_less_often_at_a_clock_that_stands(machine: Machine) -
     assert woken < 65
 
 
-def test_a_node_is_soon_awake_when_the_clock_goes_on(machine: Machine) -> None:
+def test_wake_up_delay_after_clock_resumes_is_bounded(machine: Machine) -> None:
     """The delay is at most half of the time the clock was stopped, and at most 20 ms."""
     for stood_s in (0.001, 0.003, 0.01, 0.03, 0.3, 3.0):
         machine.write(10.0)

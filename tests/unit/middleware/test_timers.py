@@ -53,7 +53,7 @@ def run(schedule: Schedule) -> None:
         callback()
 
 
-def test_timers_come_at_whole_periods_together() -> None:
+def test_timers_fire_at_whole_periods() -> None:
     clock = FakeClock()
     schedule = Schedule(clock)
     calls: list[str] = []
@@ -111,7 +111,7 @@ def test_a_timer_cancelled_by_another_does_not_fire() -> None:
     assert calls == []
 
 
-def test_time_that_begins_anew_stops_no_timer() -> None:
+def test_clock_set_back_does_not_stop_timers() -> None:
     clock = FakeClock()
     schedule = Schedule(clock)
     calls: list[float] = []
@@ -124,7 +124,7 @@ def test_time_that_begins_anew_stops_no_timer() -> None:
 
 
 @pytest.mark.parametrize("period_s", [0.0, -1.0, math.inf, math.nan])
-def test_what_is_no_period_is_refused(period_s: float) -> None:
+def test_invalid_timer_period_is_rejected(period_s: float) -> None:
     with pytest.raises(ValueError, match="period"):
         Schedule(FakeClock()).add(period_s, lambda: None)
 
@@ -144,7 +144,7 @@ def test_never_early_never_twice_always_in_the_future(period_s: float, steps_s: 
     assert len(calls) <= (clock.now_s - 100.0) / period_s + 1e-6
 
 
-def test_timers_that_are_held_back_come_when_they_are_let_go() -> None:
+def test_held_timers_fire_after_release() -> None:
     clock, held, asked = FakeClock(), [True], [0]
 
     def is_held() -> bool:

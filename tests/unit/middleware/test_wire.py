@@ -90,7 +90,7 @@ def test_points_lie_where_floats_may_lie() -> None:
 
 
 @pytest.mark.parametrize("cut", [0, 3, 9, 30, -1])
-def test_what_is_cut_off_is_left_to_the_middleware(cut: int) -> None:
+def test_reading_truncated_cloud_raises(cut: int) -> None:
     data = serialize_message(PointCloud2(header=Header(frame_id="lidar"), data=array("B", bytes(100))))
     with pytest.raises(Exception, match=r".+"):
         read_cloud(data[:cut])

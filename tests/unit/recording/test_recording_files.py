@@ -199,7 +199,7 @@ def flushed_bag(folder: Path, parts=(30, 30, 30), **form) -> bytes:
     return data
 
 
-def test_what_was_flushed_can_be_read_without_its_end(tmp_path):
+def test_flushed_recording_without_end_is_readable_and_recoverable(tmp_path):
     data = flushed_bag(tmp_path / "ride")
     path = tmp_path / "ride" / "ride_0.mcap"
     assert not is_complete(path)
@@ -212,7 +212,7 @@ def test_what_was_flushed_can_be_read_without_its_end(tmp_path):
     assert path.read_bytes()[: len(data)] == data, "nothing is rewritten, only the end is added"
 
 
-def test_recovery_makes_the_folder_whole(tmp_path):
+def test_recovery_completes_recording_folder(tmp_path):
     flushed_bag(tmp_path / "ride")
     done = recover_folder(tmp_path / "ride")
     assert done == [f"{tmp_path / 'ride' / 'ride_0.mcap'}: completed with 99 messages"]
@@ -229,7 +229,7 @@ def test_recovery_makes_the_folder_whole(tmp_path):
     assert recover_folder(tmp_path / "ride") == [], "a second time there is nothing to do"
 
 
-def test_recovery_of_a_split_recording_leaves_whole_files_alone(tmp_path):
+def test_recovery_of_split_recording_leaves_complete_files_unchanged(tmp_path):
     bag = make_bag(tmp_path / "ride", Format(split_bytes=20_000, chunk_bytes=2_000, compress=False))
     fill(bag, 200)
     bag.flush()
@@ -293,7 +293,7 @@ def _is_chunk(data: bytes, position: int) -> bool:
     return int.from_bytes(data[position + 9 : position + 17], "little") // 10**18 == START_NS // 10**18
 
 
-def test_a_damaged_first_chunk_is_told_and_the_file_left_alone(tmp_path):
+def test_damaged_first_chunk_is_reported_and_file_left_unchanged(tmp_path):
     data = flushed_bag(tmp_path / "ride")
     path = tmp_path / "ride" / "ride_0.mcap"
     start = next(position for position in range(len(data)) if data[position] == 6 and _is_chunk(data, position))
@@ -305,7 +305,7 @@ def test_a_damaged_first_chunk_is_told_and_the_file_left_alone(tmp_path):
     assert "first chunk is damaged" in recover_folder(tmp_path / "ride")[0]
 
 
-def test_a_file_of_something_else_is_told(tmp_path):
+def test_recovery_of_non_mcap_file_is_rejected(tmp_path):
     (tmp_path / "ride").mkdir()
     path = tmp_path / "ride" / "ride_0.mcap"
     path.write_bytes(b"something else entirely")
@@ -423,7 +423,7 @@ print(writer.problem)
 """
 
 
-def test_a_disk_without_room_ends_the_recording_and_keeps_what_was_written(tmp_path):
+def test_full_disk_ends_recording_and_keeps_written_messages(tmp_path):
     """The operating system really refuses to extend the file. Normally max_disk_use stops the recording earlier."""
     code = "import robot_stack.recording.background as b; b.disk_use = lambda folder: 0.5\n" + _FILL_THE_DISK
     command = [sys.executable, "-c", code, str(tmp_path)]
@@ -488,7 +488,7 @@ def test_a_killed_recorder_loses_nothing_that_was_flushed(tmp_path):
     assert len(names) >= flushed
 
 
-def test_what_a_recorder_may_lose_is_less_than_a_second():
+def test_flush_period_is_below_one_second():
     assert load(RecorderParams, "recorder").flush_period_s < 1.0
 
 

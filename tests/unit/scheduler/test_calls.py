@@ -85,7 +85,7 @@ class Stage:
         self.scheduler.run_for(seconds)
 
 
-def test_a_goal_its_feedback_and_its_result_which_may_be_asked_for_again() -> None:
+def test_action_returns_feedback_and_result_and_result_can_be_requested_again() -> None:
     with rig() as made:
         stage = Stage(made)
         assert stage.client.server_is_ready()
@@ -130,7 +130,7 @@ def test_goals_are_cancelled_one_by_one_or_all_before_a_time() -> None:
     assert stage.seen == [True, True, CancelAnswer.ACCEPTED, CancelAnswer.ALREADY_ENDED, (GoalStatus.CANCELED, False)]
 
 
-def test_a_new_life_of_the_server_does_not_know_the_goal() -> None:
+def test_restarted_action_server_rejects_previous_goal() -> None:
     with rig() as made:
         stage = Stage(made)
         goal = stage.send()

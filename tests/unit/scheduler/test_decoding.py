@@ -40,7 +40,7 @@ def test_all_types_of_the_contract_are_decoded_here() -> None:
         _message(name)
 
 
-def test_bytes_that_are_no_message_are_refused_as_by_the_middleware() -> None:
+def test_decoding_truncated_message_raises() -> None:
     data = bytes(serialize_message(interface_class("nav_msgs/msg/Odometry")()))
     with pytest.raises(Exception, match=r"\w"):
         decoder("nav_msgs/msg/Odometry")(data[:40])

@@ -36,7 +36,7 @@ def counter(topic):
     return build
 
 
-def test_what_left_a_killed_process_arrives_and_what_did_not_is_lost() -> None:
+def test_messages_sent_before_kill_arrive_and_unsent_ones_are_lost() -> None:
     topic = row()
     with rig() as stage:
         process = stage.node("node", counter(topic))
@@ -141,7 +141,7 @@ def test_a_process_may_be_killed_while_its_safe_output_waits() -> None:
     assert changes.seen[-1] == (400, "node", LifeChange.KILLED)
 
 
-def test_a_hung_process_does_nothing_and_then_goes_on() -> None:
+def test_hung_process_is_inactive_then_resumes() -> None:
     topic, order = row(depth=2), row("/order", depth=2)
     changes = Changes()
     with rig() as stage:

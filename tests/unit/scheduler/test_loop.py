@@ -50,7 +50,7 @@ def test_a_tick_that_is_missed_is_not_made_up_for() -> None:
     assert times == [60, 180, 300, 420]
 
 
-def test_a_message_that_wakes_nobody_waits_for_the_tick() -> None:
+def test_message_without_wake_up_is_delivered_at_next_tick() -> None:
     topic, seen = row(), []
 
     def build(port) -> None:

@@ -56,7 +56,7 @@ def test_a_queue_of_one_keeps_the_newest_while_its_node_is_busy() -> None:
     assert deep == [(301.0, 0), (351.0, 3), (351.0, 4), (351.0, 5)]
 
 
-def test_a_latched_message_reaches_who_comes_late_and_a_volatile_one_does_not() -> None:
+def test_late_subscriber_receives_latched_but_not_volatile_messages() -> None:
     latched, volatile = row("/latched", durability=LATCHED, depth=2), row("/volatile")
     with rig() as stage:
         stage.talker(latched, "a")
@@ -72,7 +72,7 @@ def test_a_latched_message_reaches_who_comes_late_and_a_volatile_one_does_not() 
     assert lost == []
 
 
-def test_what_a_node_publishes_before_it_is_discovered_is_lost() -> None:
+def test_messages_published_before_discovery_are_lost() -> None:
     topic = row()
     with rig() as stage:
         taken = stage.listener(topic)

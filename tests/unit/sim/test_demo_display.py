@@ -65,25 +65,25 @@ def test_a_terminal_gets_a_bar_and_each_step_once() -> None:
         assert text.count(f"done {step}") + text.count(f"done\x1b[0m {step}") == 1
 
 
-def test_an_emergency_stop_says_how_to_go_on() -> None:
+def test_emergency_stop_line_contains_release_commands() -> None:
     line = describe(observer(safety_state="EMERGENCY_STOP", active_faults=["ESTOP_PRESSED"]))
     assert "EMERGENCY_STOP (ESTOP_PRESSED)" in line
     assert line.endswith("`robot-stack reset`, then `robot-stack mission resume`")
 
 
 @pytest.mark.parametrize(("state", "text"), [("IDLE", ""), ("DOCKED", "with passenger"), ("SEARCH", "SEARCH")])
-def test_docking_in_words(state: str, text: str) -> None:
+def test_docking_state_is_described(state: str, text: str) -> None:
     assert doing(observer(docking=state)) == text
 
 
-def test_slow_simulations_say_so() -> None:
+def test_slow_simulation_displays_pace() -> None:
     slow = observer()
     slow.pace = 0.5
     assert "simulation at 0.5x" in describe(slow)
     assert "simulation" not in describe(observer())
 
 
-def test_short_chooses_mission_and_start_and_is_overruled_by_words(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_short_option_sets_mission_and_start_and_is_overridden_by_options(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.argv", ["demo", "--short", "--start-error-m", "0.5"])
     options = demo._options()
     assert (options.mission, options.start_error_m, options.start_error_deg) == ("short_transport", 0.5, 0.0)

@@ -65,7 +65,7 @@ def test_a_failure_names_its_recording(tmp_path: Path) -> None:
     assert str(tmp_path / "logs" / "latest") in told
 
 
-def test_beside_a_running_stack_it_says_what_to_do(
+def test_demo_beside_running_stack_reports_error_with_advice(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def refuse() -> None:

@@ -156,9 +156,7 @@ def test_steering_turns_without_end(bench: Bench) -> None:
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("axis", [FL_DRIVE, FL_STEER])
-def test_a_command_that_is_no_number_stops_the_axis_and_never_reaches_the_physics(
-    rolling: Bench, bad: float, axis: int
-) -> None:
+def test_non_finite_command_stops_axis_and_is_not_passed_to_physics(rolling: Bench, bad: float, axis: int) -> None:
     rolling.out.velocity_counts_per_s[axis] = bad
     rolling.run(0.05)
     assert rolling.inp.alarm_code[axis] == loops.ALARM_INVALID_COMMAND
@@ -223,7 +221,7 @@ def test_a_silent_bus_stops_the_robot_by_itself(rolling: Bench) -> None:
     assert not rolling.inp.servo_on.any(), "the bus alone does not bring the drives back"
 
 
-def test_an_orderly_end_of_the_bus_is_no_alarm(bench: Bench) -> None:
+def test_bus_stop_after_servo_off_raises_no_alarm(bench: Bench) -> None:
     bench.servo()
     bench.out.servo_on[:] = False
     bench.run(0.001)
@@ -232,7 +230,7 @@ def test_an_orderly_end_of_the_bus_is_no_alarm(bench: Bench) -> None:
     assert (bench.world.drives.alarm_codes == 0).all()
 
 
-def test_bus_loss_is_told_and_leaves_the_feedback_alone(rolling: Bench) -> None:
+def test_bus_loss_is_reported_and_leaves_feedback_unchanged(rolling: Bench) -> None:
     world = rolling.world
     before = rolling.inp.position_counts.copy()
     world.drives.set_bus(False)

@@ -184,7 +184,7 @@ def test_estop_button_held_for_a_while(rig: Rig) -> None:
     assert not rig.sim.world.drives.estop_pressed
 
 
-def test_engine_stall_lets_the_drives_notice(rig: Rig) -> None:
+def test_engine_stall_switches_drives_off(rig: Rig) -> None:
     rig.out.servo_on[:] = True
     rig.run(0.1)
     before = rig.cycles
@@ -205,7 +205,7 @@ def test_a_charger_is_plugged_and_pulled(rig: Rig) -> None:
     assert not rig.sim.battery.read().charging
 
 
-def test_wheelchair_is_latched_and_let_go(rig: Rig) -> None:
+def test_wheelchair_fault_attaches_and_clear_detaches(rig: Rig) -> None:
     rig.faults.inject("wheelchair", value=100.0)
     rig.run(0.1)
     assert rig.sim.world.attached
@@ -252,7 +252,7 @@ def test_a_latch_that_does_not_confirm_holds_all_the_same(docked: Rig) -> None:
     assert latch_inputs(docked) == (1, 0)
 
 
-def test_a_latch_that_opens_lets_the_chair_go_and_stays_open(docked: Rig) -> None:
+def test_latch_opens_fault_releases_chair_and_keeps_latch_open(docked: Rig) -> None:
     close(docked)
     docked.faults.inject("latch_opens")
     docked.run(0.01)
@@ -331,7 +331,7 @@ def test_a_passenger_too_heavy_is_refused(rig: Rig) -> None:
         (("clear", "meteor"), "no fault 'meteor'"),
     ],
 )
-def test_what_makes_no_sense_is_refused_and_changes_nothing(
+def test_invalid_fault_request_is_rejected_without_effect(
     rig: Rig, arguments: tuple[object, ...], message: str
 ) -> None:
     inject: Callable[..., str] = rig.faults.inject
@@ -340,7 +340,7 @@ def test_what_makes_no_sense_is_refused_and_changes_nothing(
     assert rig.faults.active == ()
 
 
-def test_clear_takes_one_target_or_all_and_says_what(rig: Rig) -> None:
+def test_clear_removes_one_target_or_all_and_reports_them(rig: Rig) -> None:
     rig.faults.inject("encoder_freeze", "fl_drive")
     rig.faults.inject("encoder_freeze", "fr_drive")
     rig.faults.inject("bus_loss")

@@ -217,7 +217,7 @@ def test_trouble_drops_no_chair(engine: LocalEngine, trouble: Callable[[LocalEng
     assert engine._sim.world.latch.closed
 
 
-def test_an_opening_output_is_no_longer_believed_on_a_dead_bus() -> None:
+def test_latch_stays_closed_if_bus_is_lost_during_opening() -> None:
     """The last telegram requested open. The terminal then drops its outputs, and the hooks stay in place."""
     bench = latched()
     bench.out.outputs[LATCH.byte] = OPEN

@@ -24,17 +24,17 @@ TOLERANCE_S = 0.03
 ROW = NUMBERS[topics.JOINT_STATES]
 
 
-def test_who_is_late_is_waited_for() -> None:
+def test_late_nodes_are_reported() -> None:
     assert late({"a": 1.0, "b": 1.0}, 1.02, TOLERANCE_S) == {}
     assert late({"a": 1.0, "b": 1.02}, 1.04, TOLERANCE_S) == {"a": "40 ms late"}
     assert late({"a": 1.04, "b": 1.02}, 1.04, TOLERANCE_S) == {}
 
 
-def test_who_has_nothing_to_do_is_not_waited_for() -> None:
+def test_node_without_deadline_is_never_late() -> None:
     assert late({"a": math.inf}, 1000.0, TOLERANCE_S) == {}
 
 
-def test_who_stays_late_is_waited_for_however_long() -> None:
+def test_late_node_is_reported_without_time_limit() -> None:
     assert all(late({"a": 1.0}, 2.0 + step, TOLERANCE_S) for step in range(100))
 
 
@@ -92,7 +92,7 @@ class TestProcesses:
         assert processes.takes_part("other")
         processes.go_on("other")
 
-    def test_one_that_has_ended_does_not_even_if_nobody_collects_it(self, process: subprocess.Popen[str]) -> None:
+    def test_ended_process_does_not_take_part_even_if_not_reaped(self, process: subprocess.Popen[str]) -> None:
         processes = Processes()
         processes.kill("other")
         wait_for(lambda: not process_runs(process.pid), "the end of the process")
@@ -100,7 +100,7 @@ class TestProcesses:
         with pytest.raises(FaultRefused, match="no process of a node 'other' runs"):
             processes.stop("other")
 
-    def test_neither_takes_part_who_never_was_nor_the_world_itself(self, process: subprocess.Popen[str]) -> None:
+    def test_unknown_process_and_world_do_not_take_part(self, process: subprocess.Popen[str]) -> None:
         processes = Processes()
         NodeRecord("sim_world").beat(True, "")
         assert not processes.takes_part("nobody")

@@ -69,7 +69,7 @@ def test_a_wheel_turned_forward_moves_the_robot_forward() -> None:
     assert bench.twist().vx > 0.1
 
 
-def test_wheels_sink_as_much_as_the_configuration_says() -> None:
+def test_wheels_sink_by_configured_depth() -> None:
     bench = make_bench()
     bench.run(0.5)
     sinks = [-contact.dist for contact in bench.world.data.contact]
@@ -115,18 +115,18 @@ def test_passenger_mass_changes_while_the_world_runs() -> None:
 
 
 @pytest.mark.parametrize("mass", [-1.0, 121.0, math.nan, math.inf])
-def test_a_passenger_who_may_not_ride_is_refused(mass: float) -> None:
+def test_invalid_passenger_mass_is_rejected(mass: float) -> None:
     bench = make_bench(passenger_kg=0.0)
     with pytest.raises(ValueError, match="passenger_mass_kg"):
         bench.world.set_passenger_mass(mass)
 
 
-def test_a_world_without_a_chair_says_so() -> None:
+def test_attach_without_wheelchair_in_world_is_rejected() -> None:
     with pytest.raises(ValueError, match="no wheelchair"):
         make_bench().world.attach_wheelchair(50.0)
 
 
-def test_chair_is_attached_in_motion_and_let_go() -> None:
+def test_chair_is_attached_in_motion_and_detached() -> None:
     bench = make_bench(passenger_kg=50.0)
     bench.world.detach_wheelchair()
     bench.servo()

@@ -97,7 +97,7 @@ def test_it_docks(size: str) -> None:
     assert outcome.yaw_deg < 0.3
 
 
-def test_its_lidar_sees_level_ground_and_what_stands_on_it(size: str) -> None:
+def test_lidar_of_other_robot_detects_level_ground_and_box(size: str) -> None:
     flat, robot = load_world("flat"), load_robot()
     box = Box(name="box", x_m=2.6, y_m=0.9, length_m=0.4, width_m=0.4, height_m=0.5)
     world = flat.model_copy(update={"boxes": (box,)})
@@ -128,7 +128,7 @@ def test_its_lidar_finds_it_in_the_map(size: str) -> None:
     assert abs(math.atan2(match.pose[1, 0], match.pose[0, 0]) - at.yaw) < math.radians(0.3)
 
 
-def test_what_other_files_would_repeat_follows_from_it(size: str) -> None:
+def test_docks_and_engine_limits_are_derived_from_robot(size: str) -> None:
     robot, docks = load_robot(), load_docks().docks
     chair, charger, shipped = docks["chair_1"], docks["charger"], SHIPPED
     assert chair.dock_pose.x_m == pytest.approx(-0.45 - robot.latch.x_m)

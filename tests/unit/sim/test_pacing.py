@@ -66,14 +66,14 @@ def test_a_long_lag_is_given_up_not_run_after() -> None:
     assert pacer.total_dropped_s == pytest.approx(1.999)
 
 
-def test_what_was_before_the_start_costs_nothing() -> None:
+def test_time_before_start_is_not_counted_by_pacer() -> None:
     pacer = Pacer(0.001, 1.0, 0.1, 0.0)
     pacer.start(50.0)
     assert pacer.wait_s(50.0) == 0.0
     assert pacer.report(50.001).drops == 0
 
 
-def test_reports_begin_anew() -> None:
+def test_pacer_report_resets_counters() -> None:
     pacer = Pacer(0.001, 1.0, 0.1, 0.0)
     pacer.wait_s(5.0)
     pacer.report(5.0)
@@ -88,7 +88,7 @@ def test_nonsense_is_refused(arguments: tuple[float, float, float]) -> None:
         Pacer(*arguments, now_s=0.0)
 
 
-def test_requests_are_done_by_whoever_serves() -> None:
+def test_requests_run_in_serving_thread() -> None:
     queue, result = RequestQueue(), []
     asker = threading.Thread(target=lambda: result.append(queue.ask(threading.get_ident, 5.0)))
     asker.start()
@@ -98,7 +98,7 @@ def test_requests_are_done_by_whoever_serves() -> None:
     assert result == [threading.get_ident()]
 
 
-def test_an_error_belongs_to_whoever_asked() -> None:
+def test_request_error_is_raised_in_requesting_thread() -> None:
     queue, errors = RequestQueue(), []
 
     def ask() -> None:
@@ -136,7 +136,7 @@ def test_the_loop_does_its_tasks_at_their_rates() -> None:
     assert [round(sample.time_s * 1000) for sample in samples] == [10, 20, 30, 40, 50, 60, 70, 80, 90]
 
 
-def test_a_block_of_steps_is_one_turn_of_the_engine_with_a_cycle_in_each_step() -> None:
+def test_block_of_steps_runs_one_engine_turn_with_one_cycle_per_step() -> None:
     file = load_world("flat")
     sim = Simulation(ROBOT, PARAMS, Setup(file, 1, file.start.pose()))
     turns: list[str] = []
@@ -151,7 +151,7 @@ def test_a_block_of_steps_is_one_turn_of_the_engine_with_a_cycle_in_each_step() 
     assert seen == [(2, 0.005), (4, 0.005), (6, 0.01), (8, 0.01), (10, 0.01)], "tasks keep their steps"
 
 
-def test_a_stalled_engine_is_silent_for_the_whole_block() -> None:
+def test_stalled_engine_is_not_called_during_block() -> None:
     file = load_world("flat")
     sim = Simulation(ROBOT, PARAMS, Setup(file, 1, file.start.pose()))
     turns: list[str] = []

@@ -49,7 +49,7 @@ def test_nobody_jumps(time_s: float, dt_s: float) -> None:
     assert walker.pose_after(time_s).distance_to(walker.pose_after(time_s + dt_s)) <= dt_s * 1.0 + 1e-6
 
 
-def test_a_person_stops_while_the_robot_is_close_ahead_and_goes_on() -> None:
+def test_walker_stops_while_robot_is_close_ahead_and_resumes() -> None:
     walker = Walker(Person(name="a", points_m=[(0.0, 0.0), (9.0, 0.0)], speed_mps=1.0))
     robot = Pose2(4.0, 0.0, 0.5 * math.pi)  # across the path: its side is at x = 3.65
     for _ in range(600):
@@ -61,7 +61,7 @@ def test_a_person_stops_while_the_robot_is_close_ahead_and_goes_on() -> None:
     assert walker.pose().x == pytest.approx(5.8, abs=0.05)
 
 
-def test_who_has_waited_long_enough_turns_back() -> None:
+def test_walker_turns_back_after_waiting() -> None:
     walker = Walker(Person(name="a", points_m=[(0.0, 0.0), (9.0, 0.0)], speed_mps=1.0, pause_s=2.0))
     robot = Pose2(4.0, 0.0, 0.5 * math.pi)
     for _ in range(690):  # 2.8 s of walking, 4 s of waiting
@@ -77,7 +77,7 @@ def test_who_has_waited_long_enough_turns_back() -> None:
     assert math.cos(walker.pose().yaw) == pytest.approx(1.0)
 
 
-def test_what_stands_behind_a_person_is_not_in_the_way() -> None:
+def test_robot_behind_or_beside_person_is_not_in_the_way() -> None:
     person = Pose2(0.0, 0.0, 0.0)
     assert in_the_way(person, Pose2(1.2, 0.0, 0.0), ROBOT.footprint)
     assert not in_the_way(person, Pose2(-1.2, 0.0, 0.0), ROBOT.footprint)
@@ -106,7 +106,7 @@ def test_people_are_bodies_that_move_and_can_be_left_out() -> None:
     assert np.allclose(quiet.truth().position_m, busy.truth().position_m, atol=1e-9), "far away they change nothing"
 
 
-def test_the_world_tells_what_is_touched() -> None:
+def test_world_reports_touched_objects() -> None:
     file = validate(
         WorldFile,
         {

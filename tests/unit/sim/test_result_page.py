@@ -48,14 +48,14 @@ class Reader(HTMLParser):
         self.text += f"{data} "
 
 
-def test_it_tells_the_ride() -> None:
+def test_result_page_contains_ride_figures() -> None:
     read = Reader(result_page(RESULT, "film.gif"))
     assert read.pictures == ["map.png", "film.gif", "course.png"]
     for told in ("Short <hop>", "12.3 m", "1 min 15 s", "0.8 mm, 0.05°", "waiting 3 s", "bay & home", "nothing"):
         assert told in read.text
 
 
-def test_what_there_was_not_is_left_out() -> None:
+def test_result_page_omits_missing_sections() -> None:
     unknown = replace(RESULT.figures, estimate_p95_m=math.nan)
     bare = replace(RESULT, carried=None, arrivals=(), stops=(), figures=unknown, touched=("wall",))
     read = Reader(result_page(bare, ""))

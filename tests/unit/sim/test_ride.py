@@ -108,7 +108,7 @@ def test_plots_are_drawn(tmp_path: Path) -> None:
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
 
 
-def test_what_became_of_the_wheelchair() -> None:
+def test_carriage_reports_docking_offset_and_transport_of_wheelchair() -> None:
     dock_pose = Pose2(-0.95, 0.0, 0.0)
     ride = Ride(
         [Sample(0.0, Pose2(0.0, 0.0, 0.0), 0.0), Sample(10.0, Pose2(1.052, 0.0, 0.0), 0.0)],
@@ -168,7 +168,7 @@ def test_where_it_stood_and_why() -> None:
     ]
 
 
-def test_a_stop_of_which_nobody_spoke() -> None:
+def test_reason_of_stop_is_taken_from_limits_and_mission_steps() -> None:
     ride = Ride(driven((0, 0.0), (3, 0.0)))
     assert [stop.why for stop in stops(ride, 0.05, 2.0)] == [""]
     ride.steps = [Step(0.0, "PAUSED", "gate")]

@@ -72,7 +72,7 @@ def test_expectations(expectation: dict[str, Any], problem: str | None) -> None:
     assert validate(Expectation, expectation, "test").problem(figures) == problem
 
 
-def test_events_say_what_they_are() -> None:
+def test_event_description() -> None:
     assert (
         validate(Event, {"at_s": 1, "fault": "slip", "target": "fl_drive", "value": 0.1}, "").describe()
         == "slip fl_drive 0.1"

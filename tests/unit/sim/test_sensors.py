@@ -164,7 +164,7 @@ def test_an_empty_pack_stays_empty_and_a_short_circuit_stays_finite() -> None:
     assert math.isfinite(pack.read().voltage_v)
 
 
-def test_a_charger_fills_the_pack_and_says_so():
+def test_charger_charges_pack_and_reports_charging():
     pack = battery()
     pack.charge = 0.5
     still = np.zeros(8)

@@ -48,7 +48,7 @@ def test_the_yard_has_a_chair_and_a_charger_where_the_docks_expect_them() -> Non
         assert abs(staging.relative_to(docked).yaw) < math.radians(4.0), "people put a chair down a little askew"
 
 
-def test_a_setup_puts_the_chair_elsewhere_and_chooses_who_sits_in_it() -> None:
+def test_setup_sets_wheelchair_pose_and_passenger_mass() -> None:
     file = load_world("yard")
     setup = Setup(file, 1, file.start.pose(), wheelchair_pose=Pose2(3.0, 0.5, 0.3), passenger_mass_kg=90.0)
     world = World(ROBOT, PARAMS, setup)
@@ -67,7 +67,7 @@ def test_a_world_without_a_chair_shows_none() -> None:
         bench.world.dock_error(DOCK_POSE)
 
 
-def test_the_chargers_board_is_where_its_dock_frame_says() -> None:
+def test_charger_board_lies_at_dock_frame() -> None:
     """A ray from 1 m in front of the board, at its middle height, hits it at the frame's x = 0."""
     file = load_world("yard")
     world = World(ROBOT, PARAMS, Setup(file, 1, Pose2(5.0, 0.0, 0.0)))
@@ -168,7 +168,7 @@ def test_the_rails_cover_no_marker() -> None:
     assert chair.board_width_m >= 2.0 * widest
 
 
-def test_an_inclined_ground_tilts_gravity_and_what_the_imu_says() -> None:
+def test_inclined_ground_tilts_gravity_and_imu_readings() -> None:
     """3 degrees rising towards +y, robot facing +x: it leans to its right by 3 degrees; a = g (0, sin 3, cos 3)."""
     slope = math.radians(3.0)
     setup = Setup(load_world("flat"), 1, IDENTITY, slope_rad=slope, slope_direction_rad=0.5 * math.pi)
@@ -187,6 +187,6 @@ def test_an_inclined_ground_tilts_gravity_and_what_the_imu_says() -> None:
 
 
 @pytest.mark.parametrize("slope_rad", [math.nan, math.inf, 1.6])
-def test_a_slope_that_is_none_is_refused(slope_rad: float) -> None:
+def test_invalid_slope_is_rejected(slope_rad: float) -> None:
     with pytest.raises(ValueError, match="slope_rad"):
         make(None, slope_rad=slope_rad)

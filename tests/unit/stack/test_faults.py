@@ -65,7 +65,7 @@ def test_the_rows_of_the_world_keep_their_names() -> None:
     assert {"lidar.rain", "overhead_lidar.silent", "camera.glare", "display.cable", "computer.overheat"} <= set(kinds())
 
 
-def test_shrinking_keeps_what_is_needed_and_asks_once() -> None:
+def test_shrinking_keeps_required_items_and_tests_each_subset_once() -> None:
     asked = []
 
     def fails(items: tuple[int, ...]) -> bool:

@@ -114,7 +114,7 @@ def test_a_ride_within_the_limit_breaks_nothing(scene: Scene) -> None:
     assert scene.names == []
 
 
-def test_a_contact_is_reported_and_a_person_who_walks_into_the_robot_apart(scene: Scene) -> None:
+def test_contact_is_an_error_and_pedestrian_walking_into_robot_is_a_remark(scene: Scene) -> None:
     scene.run(2.0)
     scene.physics.touched["person_anna"] = 2.0
     scene.run(0.1)

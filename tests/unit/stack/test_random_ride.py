@@ -19,7 +19,7 @@ WORLD = load_world("yard")
 RIDES = [validate(Scenario, _DESCRIBED | random_ride(seed, WORLD), "random") for seed in range(200)]
 
 
-def test_a_seed_is_one_ride() -> None:
+def test_random_scenario_is_determined_by_seed() -> None:
     first, again, other = (choose_scenario("random", seed)[0] for seed in (5, 5, 6))
     assert first == again != other
     assert choose_scenario("random")[0] == choose_scenario("random", 1)[0]

@@ -69,7 +69,7 @@ def test_wrong_options_are_refused(arguments: list[str], problem: str, capsys: p
         (["bus_loss", "--output", "/proc/nowhere"], "--output /proc/nowhere: no folder can be made there"),
     ],
 )
-def test_what_cannot_be_run_is_refused_in_one_line(
+def test_invalid_simulate_arguments_are_reported_in_one_line(
     arguments: list[str], problem: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     output = [] if "--output" in arguments else ["--output", str(tmp_path)]
@@ -127,7 +127,7 @@ def test_the_folder_holds_the_figures_and_the_effective_scenario(tmp_path: Path)
     assert (second.path / "config" / "robot.yaml").is_file()
 
 
-def test_what_is_printed_at_the_end() -> None:
+def test_outcome_description_lists_figures_failures_speed_and_digest() -> None:
     lines = list(describe_outcome(outcome()))
     assert lines[0].split() == ["distance_m", "1.23457"]
     assert lines[1:3] == ["process ehmi_bridge failed at 1.00 s:", "Traceback\nValueError: x"]

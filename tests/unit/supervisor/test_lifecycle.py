@@ -49,7 +49,7 @@ def test_first_start_is_at_once_and_no_restart() -> None:
     assert life.restarts == 0
 
 
-def test_heartbeats_tell_waiting_and_ready() -> None:
+def test_heartbeat_sets_waiting_and_ready_state() -> None:
     life = started()
     life.heartbeat(0.5, False, "/odom")
     assert (life.state, life.reason) == (State.WAITING, "/odom")
@@ -104,7 +104,7 @@ def test_crashes_further_apart_than_the_window_are_forgiven() -> None:
         life.started(now_s)
 
 
-def test_long_run_starts_the_backoff_anew() -> None:
+def test_long_run_resets_backoff() -> None:
     life = started()
     life.exited(0.1, 1)
     now_s = next_start_s(life, 0.1)
@@ -120,7 +120,7 @@ def test_refusal_is_final_at_once() -> None:
     assert life.order(100.0) is Order.NONE
 
 
-def test_operator_can_start_what_was_given_up() -> None:
+def test_process_that_was_given_up_can_be_started_on_request() -> None:
     life = started()
     life.exited(0.3, 2)
     life.wanted(1.0)
@@ -143,7 +143,7 @@ def test_silence_is_terminated_then_killed_then_restarted() -> None:
     assert next_start_s(life, 5.3) == pytest.approx(6.3, abs=0.011)
 
 
-def test_construction_has_a_limit_of_its_own_and_says_what_it_is_busy_with() -> None:
+def test_construction_has_separate_timeout_and_reports_its_activity() -> None:
     life = started()
     life.constructing("compiling")
     assert (life.state, life.reason) == (State.STARTING, "compiling")
@@ -152,7 +152,7 @@ def test_construction_has_a_limit_of_its_own_and_says_what_it_is_busy_with() -> 
     assert "never ready: compiling" in life.reason
 
 
-def test_a_first_callback_that_compiles_is_no_hang() -> None:
+def test_long_first_callback_before_ready_is_not_a_hang() -> None:
     """The loop has run, but the process is not ready: its callback may take as long as a construction."""
     life = started()
     life.heartbeat(1.0, False, "/sensors/lidar/half_sweep")
@@ -168,7 +168,7 @@ def test_a_process_that_was_ready_once_is_judged_also_while_it_waits() -> None:
     assert life.order(4.1) is Order.TERMINATE
 
 
-def test_a_new_process_is_constructed_anew() -> None:
+def test_restarted_process_gets_construction_timeout_again() -> None:
     life = ready()
     life.exited(1.0, 1)
     life.started(2.0)
@@ -176,7 +176,7 @@ def test_a_new_process_is_constructed_anew() -> None:
     assert life.order(60.0) is Order.NONE
 
 
-def test_unjudged_silence_is_no_hang() -> None:
+def test_silence_without_judgement_is_not_a_hang() -> None:
     life = ready()
     assert life.order(100.0, judge=False) is Order.NONE
     assert life.state is State.READY
@@ -189,7 +189,7 @@ def test_absence_of_the_supervisor_is_forgiven() -> None:
     assert life.order(53.1) is Order.TERMINATE
 
 
-def test_who_gets_no_processor_does_not_hang() -> None:
+def test_starvation_time_extends_hang_timeout() -> None:
     life = ready()
     life.starved(2.0)
     assert life.order(4.9) is Order.NONE
@@ -283,10 +283,10 @@ class TestStartQueue:
         assert not queue.holds("a", self.wanted(), starting=1)
         assert queue.holds("a", self.wanted(), starting=2)
 
-    def test_the_clock_waits_for_nobody(self) -> None:
+    def test_start_queue_never_holds_the_clock_process(self) -> None:
         assert not StartQueue(2, frozenset({"world"})).holds("world", self.wanted(), starting=9)
 
-    def test_who_has_died_comes_back_at_once(self) -> None:
+    def test_start_queue_does_not_hold_restart_of_died_process(self) -> None:
         life = started()
         life.exited(1.0, -9)
         assert not StartQueue(1, frozenset()).holds("a", life, starting=9)

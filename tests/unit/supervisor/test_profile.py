@@ -60,7 +60,7 @@ def test_a_real_machine_runs_nothing_of_the_simulation(name: str) -> None:
 
 
 @pytest.mark.parametrize("simulated", ["general", "manipulator", "diff_drive"])
-def test_a_real_machine_runs_what_its_simulation_runs_but_the_simulated_engine(simulated: str) -> None:
+def test_real_profile_lacks_only_simulation_processes(simulated: str) -> None:
     ours, theirs = load_plan(simulated), load_plan(f"{simulated}_real")
 
     def names(plan: Plan) -> set[str]:
@@ -140,7 +140,7 @@ def test_only_narrows_the_plan(tmp_path: Path) -> None:
     assert set(plan.parameters) <= {"swerve_controller"}
 
 
-def test_the_monitors_are_told_what_runs_besides_themselves() -> None:
+def test_monitors_get_all_other_processes_as_expected_processes() -> None:
     plan = load_plan("sim")
     names = [process.name for process in plan.processes]
     for monitor in ("safety_monitor", "system_monitor"):
@@ -148,7 +148,7 @@ def test_the_monitors_are_told_what_runs_besides_themselves() -> None:
         assert told == [name for name in names if name != monitor]
 
 
-def test_only_refuses_what_is_not_there(tmp_path: Path) -> None:
+def test_only_option_rejects_unknown_process(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="mission_manager: not a built process of this profile"):
         load_plan(profile(tmp_path), only=["mission_manager"])
 

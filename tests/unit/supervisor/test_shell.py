@@ -106,7 +106,7 @@ class TestControl:
         assert "not a request" in answer["error"]
         assert ask("status") == {"answer": 1}
 
-    def test_client_that_says_nothing_holds_nobody_up(self, server: list[dict[str, Any]]) -> None:
+    def test_silent_client_does_not_block_other_requests(self, server: list[dict[str, Any]]) -> None:
         with socket.socket(socket.AF_UNIX) as silent:
             silent.connect(str(socket_path()))
             assert ask("status") == {"answer": 1}
@@ -148,7 +148,7 @@ class TestOrphans:
         assert sleeper.poll() is not None
         assert orphans.find() == []
 
-    def test_what_nobody_collects_has_ended_all_the_same(self, sleeper: subprocess.Popen[bytes]) -> None:
+    def test_zombie_process_counts_as_ended(self, sleeper: subprocess.Popen[bytes]) -> None:
         process = psutil.Process(sleeper.pid)
         assert orphans.wait_ended([process], timeout_s=0.05) == [process]
         sleeper.kill()
@@ -161,7 +161,7 @@ class TestOrphans:
         assert orphans.find() == []
 
     @pytest.mark.parametrize("text", ["", "{", '{"x": 1}', '{"999999999": 1}'])
-    def test_broken_note_is_no_note(self, runtime_dir: Path, text: str) -> None:
+    def test_malformed_process_note_is_ignored(self, runtime_dir: Path, text: str) -> None:
         (runtime_dir / "processes.json").write_text(text)
         assert orphans.find() == []
 
@@ -211,5 +211,5 @@ class TestSegments:
         self.make(tmp_path)
         assert segments.remove_dead(tmp_path) == 0
 
-    def test_missing_folder_is_no_error(self, tmp_path: Path) -> None:
+    def test_missing_segment_folder_is_ignored(self, tmp_path: Path) -> None:
         assert segments.remove_dead(tmp_path / "none") == 0

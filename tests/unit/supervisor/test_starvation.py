@@ -53,7 +53,7 @@ def test_one_that_sleeps_is_not(kernel: Kernel) -> None:
     assert kernel.silent(60.0) == pytest.approx(0.02)
 
 
-def test_one_whose_other_thread_waits_is_excused(kernel: Kernel) -> None:
+def test_silence_while_other_thread_waits_is_excused(kernel: Kernel) -> None:
     """That thread may hold the interpreter lock or a lock of the middleware."""
     kernel.others = {"new": Turns(3.0, 10, runnable=False), "ends": Turns(0.0, 1, runnable=True)}
     assert kernel.silent(0.0) == 0.0
@@ -61,7 +61,7 @@ def test_one_whose_other_thread_waits_is_excused(kernel: Kernel) -> None:
     assert kernel.silent(1.0) == pytest.approx(0.8)
 
 
-def test_a_heartbeat_starts_the_account_anew(kernel: Kernel) -> None:
+def test_heartbeat_resets_starvation_account(kernel: Kernel) -> None:
     kernel.seen = Turns(10.0, 100, runnable=True)
     kernel.silent(0.0)
     assert kernel.silent(1.0) == pytest.approx(1.0)
@@ -98,13 +98,13 @@ def of_main(pid: int) -> Turns | None:
     return turns(pid).get(str(pid))
 
 
-def test_the_kernel_says_that_one_waits_for_its_turn() -> None:
+def test_starved_process_is_reported_as_runnable_with_waiting_time() -> None:
     with program(LOOP), program(LOOP, niceness=19) as starved:
         wait_for(lambda: (seen := of_main(starved)) is not None and seen.waited_s > 0.5, "half a second of waiting")
         wait_for(lambda: (seen := of_main(starved)) is not None and seen.runnable, "its wish to run")
 
 
-def test_the_kernel_says_that_one_sleeps() -> None:
+def test_sleeping_process_is_reported_as_not_runnable() -> None:
     with program("import signal; signal.pause()") as sleeper:
         wait_for(lambda: (seen := of_main(sleeper)) is not None and not seen.runnable and seen.count > 0, "its sleep")
     assert of_main(os.getpid()) is not None

@@ -49,13 +49,13 @@ def test_rare_looks_have_the_time_between_two_as_their_window() -> None:
         (CpuTimes(1.0, 4.0), 2.0),  # nothing has been counted
     ],
 )
-def test_what_makes_no_sense_is_unknown(times: CpuTimes | None, now_s: float) -> None:
+def test_implausible_cpu_times_yield_nan_usage(times: CpuTimes | None, now_s: float) -> None:
     usage = CpuUsage(0.3)
     usage.update(CpuTimes(1.0, 4.0), 1.0)
     assert math.isnan(usage.update(times, now_s))
 
 
-def test_after_a_gap_it_begins_anew() -> None:
+def test_cpu_usage_restarts_after_gap() -> None:
     usage = CpuUsage(0.3)
     usage.update(CpuTimes(1.0, 4.0), 1.0)
     usage.update(None, 1.1)

@@ -75,7 +75,7 @@ def test_silent_entries_become_stale_and_come_back() -> None:
     assert shown(made.entries(6.2))["/Robot/Drive/swerve_controller"] == (WARN, "driving again")
 
 
-def test_expected_nodes_are_missing_until_they_speak() -> None:
+def test_expected_nodes_are_missing_until_first_diagnostics() -> None:
     made = tree("swerve_controller", "safety_monitor")
     made.heard("safety_monitor", 0, "NORMAL", None, 1.0)
     entries = made.entries(1.0)
@@ -90,7 +90,7 @@ def test_a_level_that_does_not_exist_is_an_error() -> None:
     assert shown(made.entries(1.0))["/Robot/Drive/hardware"] == (ERROR, "odd")
 
 
-def test_nothing_heard() -> None:
+def test_diagnostics_tree_without_reports_is_ok() -> None:
     assert tree().entries(1.0) == [Entry("/Robot", OK, "OK")]
 
 

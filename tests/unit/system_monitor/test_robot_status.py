@@ -40,13 +40,13 @@ def test_every_safety_state_is_shown() -> None:
 
 
 @pytest.mark.parametrize("state", ["RUNNING", "WAITING", "PAUSED"])
-def test_a_mission_that_goes_on_is_the_current_one(state: str) -> None:
+def test_active_mission_is_current_mission(state: str) -> None:
     mission = Mission("tour", "gate", 1, 4)
     assert current_mission(state, mission) == mission
 
 
 @pytest.mark.parametrize("state", ["IDLE", "COMPLETED", "ABORTED", "FAILED", ""])
-def test_a_mission_that_is_over_is_none(state: str) -> None:
+def test_inactive_mission_is_not_current_mission(state: str) -> None:
     assert current_mission(state, Mission("tour", "gate", 4, 4)) == Mission("", "", 0, 0)
 
 

@@ -25,7 +25,7 @@ NODES = ("swerve_controller", "imu_driver")
         InputState("/odom", math.inf, math.nan, False, 0),
     ],
 )
-def test_what_a_node_describes_can_be_read_again(state: InputState) -> None:
+def test_input_description_round_trip(state: InputState) -> None:
     read = parse_input("/odom", describe_input(state))
     assert read is not None
     assert (read.fresh, read.received) == (state.fresh, state.received)
@@ -33,7 +33,7 @@ def test_what_a_node_describes_can_be_read_again(state: InputState) -> None:
 
 
 @pytest.mark.parametrize("text", ["", "soon", "received=3", "received=x rate_hz=1.0 age_s=1.0 fresh=True", "a=b=c"])
-def test_other_texts_are_no_inputs(text: str) -> None:
+def test_malformed_input_description_is_not_parsed(text: str) -> None:
     assert parse_input("/odom", text) is None
 
 
@@ -48,7 +48,7 @@ def told(health: TopicHealth, node: str, text: str, now_s: float, topic: str = "
     health.heard(node, [(f"{INPUT_PREFIX}{topic}", text), ("loop tick", "3 calls"), (INPUT_PREFIX, "junk")], now_s)
 
 
-def test_the_subscriber_that_counts_most_is_believed() -> None:
+def test_topic_figures_come_from_subscriber_with_most_messages() -> None:
     health = TopicHealth(5.0)
     assert health.figures("/odom", 0.0) is None
     told(health, "mission_manager", "received=100 rate_hz=10.0 age_s=0.09 fresh=True", 1.0)
@@ -58,7 +58,7 @@ def test_the_subscriber_that_counts_most_is_believed() -> None:
     assert health.figures("/imu", 1.5) is None
 
 
-def test_who_is_silent_tells_nothing() -> None:
+def test_stale_subscriber_report_is_ignored() -> None:
     health = TopicHealth(5.0)
     told(health, "ndt_localization", "received=500 rate_hz=50.1 age_s=0.02 fresh=True", 1.0)
     told(health, "mission_manager", "received=100 rate_hz=10.0 age_s=0.09 fresh=True", 3.0)
@@ -68,7 +68,7 @@ def test_who_is_silent_tells_nothing() -> None:
     assert health.figures("/odom", 2.0) == TopicFigures(50.1, 0.02)  # the other report lies in the future
 
 
-def test_a_topic_that_nobody_has_received() -> None:
+def test_topic_never_received_is_described_as_such() -> None:
     health = TopicHealth(5.0)
     told(health, "ndt_localization", "received=0 rate_hz=nan age_s=inf fresh=False", 1.0)
     figures = health.figures("/odom", 1.0)
@@ -94,7 +94,7 @@ def test_traffic(figures: TopicFigures | None, problem: str) -> None:
     assert judge_topic(topics.ODOM, figures, NODES, 0.25) == problem
 
 
-def test_what_is_not_sent_here_or_only_on_demand_is_not_judged() -> None:
+def test_topics_on_demand_or_without_local_publisher_are_not_judged() -> None:
     silent = TopicFigures(0.0, 99.0)
     assert judge_topic(topics.ODOM, silent, ("imu_driver",), 0.25) == ""
     assert judge_topic(topics.DOCKING_CMD_VEL, silent, ("docking_controller",), 0.25) == ""
@@ -102,18 +102,18 @@ def test_what_is_not_sent_here_or_only_on_demand_is_not_judged() -> None:
     assert judge_topic(topics.HEARTBEAT, silent, NODES, 0.25) == ""
 
 
-def test_words() -> None:
+def test_topic_description() -> None:
     assert describe_topic(topics.ODOM, TopicFigures(50.0, 0.02)) == "50.0 Hz of 50, age 0.02 s"
     assert describe_topic(topics.PLAN, TopicFigures(math.nan, 9.0)) == "rate unknown, age 9.00 s"
     assert describe_topic(topics.ODOM, None) == "no subscriber reports it"
 
 
-def test_rows_of_what_runs_here() -> None:
+def test_topics_are_filtered_by_running_nodes() -> None:
     found = topics_of((topics.ODOM, topics.PLAN, topics.DIAGNOSTICS), NODES)
     assert found == (topics.ODOM, topics.DIAGNOSTICS)
 
 
-def test_every_topic_with_a_rate_has_a_subscriber_that_tells_of_it() -> None:
+def test_every_rated_topic_has_reporting_subscriber() -> None:
     """Otherwise the monitor would have to count it.
 
     Node records report heartbeats, the tree is the monitor's own, and reports of the pose cover its covariance.

@@ -24,7 +24,7 @@ def test_a_pin_is_known_by_its_hash_alone() -> None:
 
 
 @pytest.mark.parametrize("pin", ["", "123", "12a4", "１２３４", "1" * 13])
-def test_what_is_no_pin_is_not_hashed(pin: str) -> None:
+def test_invalid_pin_is_not_hashed(pin: str) -> None:
     with pytest.raises(ValueError, match="digits"):
         hash_pin(pin)
 
@@ -146,7 +146,7 @@ def test_beyond_this_machine_only_with_certificate_and_token() -> None:
             server(**wrong)
 
 
-def test_only_our_own_pages_may_speak() -> None:
+def test_gate_accepts_only_own_origin() -> None:
     gate = Gate(server(), 8460)
     assert gate.origin("http://127.0.0.1:8460", "127.0.0.1:8460")
     assert gate.origin("http://localhost:8460", "localhost:8460")
@@ -167,7 +167,7 @@ def test_only_our_own_pages_may_speak() -> None:
     assert not gate.needs_token
 
 
-def test_with_a_token_nobody_comes_without() -> None:
+def test_gate_with_token_rejects_missing_or_wrong_token() -> None:
     params = server(address="192.168.1.5", tls_certificate="c", tls_key="k", token=TOKEN, host_names=["robot.example"])
     gate = Gate(params, 443)
     assert gate.needs_token

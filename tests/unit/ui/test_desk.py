@@ -75,7 +75,7 @@ def test_login_without_pin_or_while_locked(desk: d.Desk, params: TouchUiParams) 
     assert locked.take(RIDER, login, 0.0).why == d.NO_PIN_SET
 
 
-def test_the_audit_log_names_what_operators_do(desk: d.Desk) -> None:
+def test_audit_log_records_operator_actions(desk: d.Desk) -> None:
     for text, what in (
         ('{"t": "stop"}', "emergency stop"),
         ('{"t": "start", "mission": "tour"}', "start mission tour"),
@@ -120,14 +120,14 @@ def test_silence_is_a_stop(desk: d.Desk, params: TouchUiParams) -> None:
     assert desk.pad.command(1.0) is None
 
 
-def test_a_page_that_goes_lets_go(desk: d.Desk) -> None:
+def test_leaving_page_releases_pad(desk: d.Desk) -> None:
     desk.take(STAFF, pad(0.0), 0.0)
     desk.leave(STAFF)
     assert desk.pad.command(0.01) == STILL
     assert desk.take(STAFF, pad(0.0), 0.0).why == d.NEEDS_STAFF  # its session has ended
 
 
-def test_logout_lets_go(desk: d.Desk) -> None:
+def test_logout_releases_pad(desk: d.Desk) -> None:
     desk.take(STAFF, pad(0.0), 0.0)
     desk.take(STAFF, say('{"t": "logout"}'), 0.01)
     assert desk.pad.command(0.02) == STILL
@@ -169,7 +169,7 @@ def test_two_operators_at_once(desk: d.Desk) -> None:
     assert desk.pad.holder == OTHER
 
 
-def test_diagonals_are_no_faster(desk: d.Desk, params: TouchUiParams) -> None:
+def test_diagonal_pad_command_is_scaled_down(desk: d.Desk, params: TouchUiParams) -> None:
     desk.take(STAFF, pad(0.0, 1.0, 1.0, -1.0), 0.0)
     twist = desk.pad.command(0.01)
     assert twist is not None

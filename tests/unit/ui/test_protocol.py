@@ -120,7 +120,7 @@ def mutate(text: bytes, draw: random.Random) -> bytes:
     return bytes(data)
 
 
-def test_fuzzed_messages_are_refused_or_what_they_say() -> None:
+def test_fuzzed_messages_are_rejected_or_keep_their_type() -> None:
     """20,000 mutants, identical in every run."""
     draw = random.Random(20_251_215)
     originals = [json.dumps(fields).encode() for fields, _ in GOOD]

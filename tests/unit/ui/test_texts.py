@@ -75,7 +75,7 @@ def test_reasons_are_those_that_the_view_gives() -> None:
     assert given == FAMILIES["reason."]
 
 
-def test_no_page_has_words_of_its_own() -> None:
+def test_pages_contain_no_hard_coded_text() -> None:
     """Between tags there are only signs, figures and texts of the catalogue."""
     for path in SCRIPTS:
         words = re.findall(r">\s*([A-Za-z][a-z]+(?: [A-Za-z]+)*)\s*</", path.read_text(encoding="utf-8"))
@@ -114,7 +114,7 @@ def test_every_character_has_a_font() -> None:
         assert (WEB / "vendor/fonts" / file[1]).is_file()
 
 
-def test_licences_lie_beside_what_they_are_of() -> None:
+def test_vendored_files_have_licences() -> None:
     vendor = WEB / "vendor"
     for name in (
         "LICENSE-htm.txt",
@@ -126,7 +126,7 @@ def test_licences_lie_beside_what_they_are_of() -> None:
     assert sum(path.stat().st_size for path in vendor.rglob("*") if path.is_file()) < 12_000_000
 
 
-def test_the_page_asks_for_every_module_at_once() -> None:
+def test_index_page_preloads_every_module() -> None:
     asked = set(re.findall(r'rel="modulepreload" href="/([^"]+)"', (WEB / "index.html").read_text(encoding="utf-8")))
     modules = {path.relative_to(WEB).as_posix() for path in WEB.rglob("*.js")}
     assert asked == modules - {"app.js", "start.js"}  # named by the page itself

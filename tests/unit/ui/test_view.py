@@ -50,7 +50,7 @@ def test_why_the_robot_stands(snapshot: Snapshot, reasons: list[str]) -> None:
     assert view.standing_reasons(snapshot) == reasons
 
 
-def test_every_fault_that_stops_is_told() -> None:
+def test_every_stopping_fault_is_a_standing_reason() -> None:
     for fault in FAULTS:
         state = fault.state.name
         stopped = Snapshot(
@@ -102,7 +102,7 @@ def test_a_long_plan_is_thinned_and_keeps_its_end() -> None:
     assert view.plan_section(WELL) == {"points": []}
 
 
-def test_pages_are_told_changes_at_most_five_times_a_second() -> None:
+def test_page_updates_are_limited_to_five_per_second() -> None:
     changes = Changes(5.0)
     assert changes.wait_s(0.0) == math.inf
     changes.offer({"a": 1, "b": 2})
@@ -147,7 +147,7 @@ def test_image_frame() -> None:
     assert len(set(frames.NUMBERS.values())) == 4
 
 
-def test_rate_and_age_of_a_topic_come_from_who_heard_it_last() -> None:
+def test_rate_and_age_of_topic_come_from_freshest_subscriber() -> None:
     diagnostics = Diagnostics()
     rows = (topics.CURRENT_POSE, topics.ODOM, topics.TELEOP_CMD_VEL, topics.UI_COMMAND)
     pose = f"input {topics.CURRENT_POSE.name}"

@@ -26,5 +26,5 @@ def test_another_machine_offers_its_own_rows_of_shared_names() -> None:
 
 
 @pytest.mark.parametrize("machine", [System.ROBOT, System.WMX])
-def test_the_models_name_is_no_topic(machine: System) -> None:
+def test_model_channel_is_not_an_offered_topic(machine: System) -> None:
     assert MODEL not in offered(machine)

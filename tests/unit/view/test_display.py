@@ -22,7 +22,7 @@ def wire(state: int | None, t_s: float = 0.0) -> bytes:
 
 
 @pytest.mark.parametrize("state", sorted(PATTERNS.states))
-def test_every_state_says_its_text(state: int) -> None:
+def test_display_message_contains_text_of_state(state: int) -> None:
     text = PATTERNS.states[state].text.get(PARAMS.language)
     assert text.encode() in wire(state)
 
@@ -33,7 +33,7 @@ def test_the_light_moves_as_the_display_does() -> None:
 
 
 @pytest.mark.parametrize("state", [None, 15, 255])
-def test_what_nobody_knows_is_not_shown(state: int | None) -> None:
+def test_unknown_display_state_shows_unknown_text(state: int | None) -> None:
     assert PARAMS.unknown.encode() in wire(state)
     assert b"Ready" not in wire(state)
 

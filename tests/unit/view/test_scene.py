@@ -46,5 +46,5 @@ def test_update_changes_with_the_joints_alone() -> None:
     assert MODEL.update({"rr_drive": 0.1}, attached=False, now_ns=NOW_NS).encode() != still
 
 
-def test_joint_angles_leaves_out_what_is_no_number() -> None:
+def test_joint_angles_omits_nan() -> None:
     assert joint_angles(["a", "b", "c"], [1.0, math.nan]) == {"a": 1.0}

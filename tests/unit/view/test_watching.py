@@ -21,7 +21,7 @@ def test_first_look_subscribes_and_the_last_one_leaving_ends_it() -> None:
     assert watching.topics == frozenset()
 
 
-def test_who_comes_later_hears_what_was_latched_before() -> None:
+def test_late_viewer_of_latched_topic_triggers_resubscription() -> None:
     watching = Watching(ROWS)
     assert watching.begin(1, LATCHED) == Change(begin=(LATCHED,))
     assert watching.begin(2, LATCHED) == Change(end=(LATCHED,), begin=(LATCHED,))
@@ -38,14 +38,14 @@ def test_the_model_needs_its_topics_and_shares_them() -> None:
     assert watching.topics == {joints}
 
 
-def test_what_is_not_offered_is_left_alone() -> None:
+def test_watching_unoffered_topic_changes_nothing() -> None:
     watching = Watching(ROWS)
     assert watching.begin(1, "/nowhere") == Change()
     assert watching.end(1, "/nowhere") == Change()
     assert watching.end(7, VOLATILE) == Change()  # never watched
 
 
-def test_changes_always_add_up_to_what_is_looked_at() -> None:
+def test_applied_changes_equal_watched_topics() -> None:
     """Clients come and go in any order. A change is applied to a set as the node applies it to its subscriptions."""
     draw = random.Random(1)
     channels = [VOLATILE, LATCHED, MODEL, *(row.name for row in MODEL_INPUTS)]

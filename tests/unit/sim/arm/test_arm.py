@@ -27,7 +27,7 @@ def test_the_shipped_arm_fits_the_shipped_engine(engine_config: EngineConfig) ->
     assert arm_params().names == tuple(axis.name for axis in engine_config.axes) == JOINTS
 
 
-def test_the_profile_knows_the_rated_torques_and_the_axes() -> None:
+def test_profile_matches_rated_torques_and_axes_of_arm() -> None:
     general = load_plan("manipulator").parameters["wmx_ros2_general_node"]
     params = arm_params()
     assert general["rated_torque_nm"] == [params.kind(axis).rated_torque_nm for axis in range(len(JOINTS))]
@@ -77,7 +77,7 @@ def test_fingers_move_at_their_speed_and_the_bit_decides() -> None:
     assert rig.arm.truth().positions[6:] == pytest.approx([0.0, 0.0], abs=1e-3)
 
 
-def test_the_cube_is_grasped_lifted_and_let_go() -> None:
+def test_gripper_grasps_lifts_and_releases_cube() -> None:
     rig = ArmRig().on()
     cube = rig.params.cube
     assert cube is not None

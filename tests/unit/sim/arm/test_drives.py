@@ -51,7 +51,7 @@ def test_the_stretched_arm_is_held_by_its_motors() -> None:
     assert rig.inp.torque_percent[1] == pytest.approx(-100.0 * motor[1] / rig.rated_nm[1], abs=0.1)
 
 
-def test_brakes_take_over_and_let_go_without_dropping_the_arm() -> None:
+def test_brakes_close_and_open_without_dropping_arm() -> None:
     rig = ArmRig(start_rad=STRETCHED)
     rig.run(1.0)  # never switched on
     assert np.abs(rig.truth - np.array(STRETCHED)).max() < 1e-4
@@ -97,7 +97,7 @@ def test_random_splines_are_followed(seed: int) -> None:
     assert not rig.inp.alarm_code.any()
 
 
-def test_following_error_in_steady_motion_is_one_cycle_of_the_bus() -> None:
+def test_following_error_in_steady_motion_is_one_bus_cycle() -> None:
     rig = ArmRig().on()
     rate = np.array([1.0, 0.0, 0.0, 0.0, 0.0, 1.5])
     ramp = CubicSpline([0.0, 0.5, 1.5], np.outer([0.0, 0.25, 1.25], rate), bc_type=((1, 0 * rate), (1, rate)))
@@ -194,7 +194,7 @@ def test_a_lost_encoder_is_an_alarm_until_it_is_back_and_cleared() -> None:
     assert rig.inp.servo_on[3]
 
 
-def test_a_command_that_is_no_number_is_an_alarm() -> None:
+def test_nan_command_raises_drive_alarm() -> None:
     rig = ArmRig().on()
     rig.out.velocity_counts_per_s[1] = math.nan
     rig.run(0.05)

@@ -158,7 +158,7 @@ def test_a_covered_marker_is_gone(plain: Renderer) -> None:
     assert np.unique(marker_patch(picture, 1)[3:-3, 3:-3]).tolist() == [round(PARAMS.board.cover * 230.0)]
 
 
-def test_what_stands_before_a_board_hides_it() -> None:
+def test_wall_in_front_of_board_hides_markers() -> None:
     world = load_world("yard")
     view = Renderer(CAMERA, DOCKS, sharp(), np.random.default_rng(0), build_scenery(solids(world), DOCKS))
     charger = place(-3.45, 0.0, np.pi)

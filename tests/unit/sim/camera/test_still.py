@@ -39,7 +39,7 @@ def test_a_move_of_the_robot_or_of_the_board_or_other_light_is_another_picture()
         assert np.array_equal(resting.render(motion, conditions), arriving.render(motion, conditions))
 
 
-def test_a_picture_is_written_where_it_is_wanted() -> None:
+def test_image_is_rendered_into_given_buffer() -> None:
     memory = np.zeros((720, 1280), np.uint8)
     assert renderer(true_camera(), PARAMS).render(at(HERE), out=memory) is memory
     assert memory.mean() > 50.0

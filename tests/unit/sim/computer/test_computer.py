@@ -40,7 +40,7 @@ def user_namespaces() -> bool:
     return done.returncode == 0
 
 
-def test_it_shows_what_is_configured_and_what_is_injected(computer: SimComputer, reader: ComputerReader) -> None:
+def test_computer_reports_configured_and_injected_values(computer: SimComputer, reader: ComputerReader) -> None:
     faults = ComputerFaults(computer)
 
     def shown() -> tuple[float, float]:
@@ -115,7 +115,7 @@ def test_a_screen_can_be_lost_only_where_one_is_served(computer: SimComputer) ->
     assert computer.screen.shown
 
 
-def test_every_row_names_what_it_does(computer: SimComputer) -> None:
+def test_computer_fault_table_and_value_range(computer: SimComputer) -> None:
     assert set(BY_NAME) == {"overheat", "cpu_high", "memory_high", "disk_full", "screen_lost"}
     with pytest.raises(FaultRefused, match=r"0\.\.100"):
         ComputerFaults(computer).inject("cpu_high", value=101.0)

@@ -48,7 +48,7 @@ class Story:
         return self.firmware.display(self.now_s)
 
 
-def test_it_hears_nothing_before_it_is_ready():
+def test_commands_before_ready_are_ignored():
     story = Story()
     assert story.tell("STATE 2") == []
     assert story.ready().shown.state == 0
@@ -60,7 +60,7 @@ def test_it_answers_with_an_echo_within_the_time_of_the_contract():
     assert (story.shown.state, story.shown.language, story.shown.volume) == (25, "zh", 3)
 
 
-def test_a_repeated_state_begins_nothing_anew():
+def test_repeated_state_does_not_restart_animation():
     story = Story().ready()
     story.tell("STATE 2")
     since_s = story.shown.since_s
@@ -68,7 +68,7 @@ def test_a_repeated_state_begins_nothing_anew():
     assert story.shown.since_s == since_s
 
 
-def test_what_it_does_not_understand_it_says():
+def test_unknown_command_and_bad_checksum_are_answered_with_error():
     story = Story().ready()
     assert story.tell("STATE 11") == ["ERROR unknown command"]
     story.firmware.receive(b"STATE 2*00\n", story.now_s)
@@ -100,7 +100,7 @@ def test_power_lost_is_everything_forgotten():
     story.ready()
 
 
-def test_a_fault_is_repeated_and_its_end_told_three_times():
+def test_fault_is_repeated_and_end_of_fault_is_sent_three_times():
     story = Story().ready()
     story.firmware.set_fault("HOT", story.now_s)
     assert story.wait(2.5) == ["FAULT HOT"] * 3

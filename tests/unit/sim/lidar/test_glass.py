@@ -36,7 +36,7 @@ def xyz(sweep: Sweep, label: int) -> np.ndarray:
     return np.c_[mine["x"], mine["y"], mine["z"]].astype(float)
 
 
-def test_a_pane_mirrors_as_fresnel_says() -> None:
+def test_mirrored_share_of_pane_follows_fresnel_equations() -> None:
     once = ((INDEX - 1.0) / (INDEX + 1.0)) ** 2
     assert mirrored_share(1.0, INDEX) == pytest.approx(2.0 * once / (1.0 + once))
     assert 0.07 < mirrored_share(1.0, INDEX) < 0.09
@@ -46,7 +46,7 @@ def test_a_pane_mirrors_as_fresnel_says() -> None:
     assert shares[5] > 0.98
 
 
-def test_through_a_pane_one_sees_what_is_behind_it_and_little_of_the_pane() -> None:
+def test_most_beams_pass_through_pane_except_near_normal_incidence() -> None:
     sweep = look(street(behind=True))
     wall = xyz(sweep, labels.WALL)
     ahead = wall[(np.abs(wall[:, 1]) < 0.4 * wall[:, 0]) & (wall[:, 2] > -0.6)]
@@ -58,7 +58,7 @@ def test_through_a_pane_one_sees_what_is_behind_it_and_little_of_the_pane() -> N
     assert pane[normal].mean() > 0.95, "at right angles it shines"
 
 
-def test_what_is_mirrored_is_reported_as_far_behind_the_pane_as_it_is_before() -> None:
+def test_mirror_images_lie_as_far_behind_pane_as_object_in_front() -> None:
     images = xyz(look(street(behind=False)), labels.MIRROR)
     assert (images[:, 0] > FACE_M).all()
     back = np.c_[2.0 * FACE_M - images[:, 0], images[:, 1], images[:, 2]]

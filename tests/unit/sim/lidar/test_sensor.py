@@ -131,7 +131,7 @@ def test_a_covered_lens_sees_only_itself() -> None:
         assert near.sum() == pytest.approx(0.2 * share * 64 * 360, rel=0.1)
 
 
-def test_beams_come_in_the_order_of_firing_and_halves_make_a_whole() -> None:
+def test_beams_are_in_firing_order_and_half_sweeps_join_to_full_sweep() -> None:
     sensor = lidar(world(walls=[WALL]), exact())
     whole = sensor.sweep(HERE, 7.0)
     first, second = sensor.half_sweep(HERE, 6.95, 0), sensor.half_sweep(HERE, 7.0, 1)
@@ -166,7 +166,7 @@ def test_not_finite_tracks_are_refused() -> None:
         still(np.full((4, 4), np.nan))
 
 
-def test_a_sensor_at_rest_sees_walls_as_before_and_who_walks_as_they_are() -> None:
+def test_resting_sensor_caches_static_ranges_and_updates_people() -> None:
     file = world(walls=[WALL], pits=[{"name": "pit", "x_m": 2, "y_m": 1, "length_m": 1, "width_m": 1, "depth_m": 0.3}])
     resting, arriving = (lidar(file, exact(), people=("person_anna",)) for _ in range(2))
     times = np.arange(-179, 1) * resting.column_s
@@ -183,7 +183,7 @@ def test_a_sensor_at_rest_sees_walls_as_before_and_who_walks_as_they_are() -> No
     assert all(np.array_equal(one, other) for one, other in zip(seen, fresh, strict=True)), "a centimetre is a move"
 
 
-def test_rings_are_wrong_by_what_the_data_sheet_allows_and_always_the_same() -> None:
+def test_ring_errors_are_within_data_sheet_and_fixed_per_seed() -> None:
     """Level ground: each ring has one height of its own."""
     quiet = {"noise_m": 0.0, "mixed_share": 0.0, "lost_share": 0.0}
     still = {"position_m": 0.0, "rotation_rad": 0.0}

@@ -50,7 +50,7 @@ def test_odd_numbers_are_the_first_half() -> None:
     assert [math.copysign(1.0, sides[number]) for number in (1, 2, 3, 4)] == [1.0, -1.0, 1.0, -1.0]
 
 
-def test_a_gap_is_not_made_up_for_and_a_clock_set_back_begins_anew() -> None:
+def test_sweeper_skips_gap_and_restarts_on_clock_set_back() -> None:
     mine = sweeper()
     for k in range(8):
         mine.add(0.02 * k, {"base_link": np.eye(4)})

@@ -37,7 +37,7 @@ def airborne(weather: Weather, seed: int = 3) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("weather", [RAIN, SNOW, DUST])
-def test_what_is_in_the_air_is_seen_near_and_dim(weather: Weather) -> None:
+def test_airborne_returns_are_near_and_of_low_intensity(weather: Weather) -> None:
     far, intensity = airborne(weather)
     assert len(far) > 100
     assert np.median(far) < 6.0
@@ -91,7 +91,7 @@ def test_surfaces_are_darker_or_lost_and_never_seen_nearer_than_they_are() -> No
     assert dust[0] < 0.5 * clear[0], "at 20 m, where one sees 15 m"
 
 
-def test_weather_is_a_fault_and_there_is_one_at_a_time() -> None:
+def test_weather_fault_replaces_previous_weather() -> None:
     faults = LidarFaults()
     assert faults.inject("rain", "", 0.0, 0.0, 0.0) == "it rains, mm/h 25"
     assert faults.conditions(1.0).weather == RAIN
