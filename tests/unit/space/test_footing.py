@@ -102,7 +102,7 @@ def test_the_direction_of_the_fall_does_not_matter() -> None:
         assert along.max() < 1.65
 
 
-def test_a_single_cell_between_chair_and_ground_is_no_edge() -> None:
+def test_single_raised_cell_is_not_an_edge() -> None:
     points = floor(step_down(0.0))
     points[np.hypot(points[:, 0] - 1.5, points[:, 1]) < 0.03, 2] = 0.3
     assert len(footing(points).edges(IDENTITY)) == 0
@@ -175,7 +175,7 @@ def test_known_ground_is_seen_or_under_the_robot() -> None:
 
 
 @pytest.mark.parametrize(("hole_m", "found"), [(0.15, False), (0.40, True)])
-def test_a_hole_that_is_smaller_than_a_castor_is_none(hole_m: float, found: bool) -> None:
+def test_hole_is_found_only_if_larger_than_castor(hole_m: float, found: bool) -> None:
     points = floor(step_down(0.0))
     hole = (np.abs(points[:, 0] - 1.5) < 0.5 * hole_m) & (np.abs(points[:, 1]) < 0.5 * hole_m)
     ends = footing(points[~hole]).ends(IDENTITY)

@@ -42,7 +42,7 @@ def follow(movers: MovingObjects, seconds: float, speed_mps: float, at_s: float 
 
 
 @pytest.mark.parametrize("speed_mps", [0.3, 0.6, 1.2, 2.0])
-def test_who_walks_has_their_velocity(speed_mps: float) -> None:
+def test_walking_person_is_tracked_with_velocity(speed_mps: float) -> None:
     movers = MovingObjects(P)
     now_s = follow(movers, 1.5, speed_mps)
     found = movers.at(now_s, IDENTITY)
@@ -55,14 +55,14 @@ def test_who_walks_has_their_velocity(speed_mps: float) -> None:
     assert turned[:, 1].mean() == pytest.approx(1.0 - found[:, 0].mean(), abs=1e-5)
 
 
-def test_what_appears_and_stays_does_not_move() -> None:
+def test_appearing_static_objects_are_not_moving() -> None:
     movers, random = MovingObjects(P), np.random.default_rng(2)
     for number in range(100):
         movers.look(np.concatenate([body(3.0, y, random) for y in (-2.0, 0.0, 2.0)]), 10.0 + number * LOOK_S, blind)
         assert len(movers.at(10.0 + number * LOOK_S, IDENTITY)) == 0
 
 
-def test_specks_and_walls_are_no_bodies() -> None:
+def test_specks_and_walls_are_not_tracked() -> None:
     movers = MovingObjects(P)
     for number in range(20):
         x = 4.0 - 0.1 * number
@@ -71,7 +71,7 @@ def test_specks_and_walls_are_no_bodies() -> None:
     assert len(movers.at(12.0, IDENTITY)) == 0
 
 
-def test_who_disappears_goes_on_for_a_moment_and_is_told_where_they_were() -> None:
+def test_lost_person_coasts_then_is_returned_with_last_position_and_velocity() -> None:
     movers = MovingObjects(P)
     now_s = follow(movers, 1.5, 1.0, noise=False)
     gone = np.empty((0, 5))
@@ -87,7 +87,7 @@ def test_who_disappears_goes_on_for_a_moment_and_is_told_where_they_were() -> No
     assert len(movers.at(now_s, IDENTITY)) == 0
 
 
-def test_who_is_not_where_one_would_see_them_has_stopped() -> None:
+def test_person_missing_in_visible_area_is_dropped() -> None:
     movers = MovingObjects(P)
     now_s = follow(movers, 1.5, 1.0)
     gone = np.empty((0, 5))
@@ -97,7 +97,7 @@ def test_who_is_not_where_one_would_see_them_has_stopped() -> None:
     assert len(movers.at(now_s + P.missed_s + 0.01, IDENTITY)) == 0
 
 
-def test_who_would_come_out_again_and_does_not_is_where_nobody_looks() -> None:
+def test_person_not_reappearing_from_hidden_area_is_returned_as_lost() -> None:
     movers = MovingObjects(P)
     now_s, gone = follow(movers, 1.5, 1.0), np.empty((0, 5))
     for after_s in (0.3, 0.6):
@@ -107,7 +107,7 @@ def test_who_would_come_out_again_and_does_not_is_where_nobody_looks() -> None:
     assert len(movers.at(now_s + 0.9, IDENTITY)) == 0
 
 
-def test_who_gets_hidden_keeps_their_velocity() -> None:
+def test_partly_hidden_person_keeps_velocity() -> None:
     """The centre of the visible part differs from that of the whole body."""
     movers = MovingObjects(P)
     now_s = follow(movers, 1.5, 1.0, noise=False)
@@ -122,7 +122,7 @@ def cart(rear: float, front: float) -> NDArray[np.float64]:
     return np.stack([x, y, np.full_like(x, 0.25), *np.ones((2, len(x)))], axis=1)
 
 
-def test_a_cart_whose_front_gets_hidden_goes_on_as_fast_as_its_rear() -> None:
+def test_cart_with_hidden_front_keeps_velocity_of_rear() -> None:
     """The cart is 0.8 m long at 1 m/s. Beyond the edge of a strip, rays pass only above it."""
     movers, edge_m = MovingObjects(P), 2.8
 
@@ -139,7 +139,7 @@ def test_a_cart_whose_front_gets_hidden_goes_on_as_fast_as_its_rear() -> None:
             assert found[:, 0].min() == pytest.approx(front, abs=0.15), number
 
 
-def test_a_cart_whose_rear_is_taken_for_what_stands_goes_on_by_its_front() -> None:
+def test_cart_with_rear_classified_static_is_tracked_by_its_front() -> None:
     """Points in place for 1 s count as static: the visible length of a cart varies, and a piece is separate."""
     movers = MovingObjects(P)
     for number in range(24):
@@ -167,7 +167,7 @@ def test_a_slow_cart_keeps_its_speed_while_more_and_more_of_it_is_seen() -> None
             assert found[:, 3].mean() == pytest.approx(-0.48, abs=0.12), number
 
 
-def test_a_long_body_moves_on_while_it_leaves_what_its_way_explains() -> None:
+def test_long_body_overlapping_its_previous_place_stays_moving() -> None:
     """At 1 m long and 0.6 m/s, it still covers two thirds of where it was 0.6 s ago."""
     movers = MovingObjects(P)
     for number in range(20):  # the front appears first
@@ -176,7 +176,7 @@ def test_a_long_body_moves_on_while_it_leaves_what_its_way_explains() -> None:
     assert len(movers.at(11.9, IDENTITY)) > 0
 
 
-def test_what_is_found_where_nobody_had_looked_is_no_new_body_and_may_be_an_old_one() -> None:
+def test_body_in_unobserved_area_starts_no_track_but_continues_existing_one() -> None:
     found = np.array([1.0, 1.0, 1.0, 0.0, 1.0])
     movers = MovingObjects(P)
     for number in range(15):
@@ -198,7 +198,7 @@ def test_a_walls_end_that_comes_into_view_bit_by_bit_stays() -> None:
         assert len(movers.at(10.0 + number * LOOK_S, IDENTITY)) == 0, number
 
 
-def test_two_who_meet_go_on_as_they_did() -> None:
+def test_two_meeting_people_keep_their_velocities() -> None:
     """They walk one behind the other, 0.5 m apart sideways, until both merge into one body with another centre."""
     movers = MovingObjects(P)
     for number in range(30):
@@ -211,7 +211,7 @@ def test_two_who_meet_go_on_as_they_did() -> None:
             assert found[:, 3].mean() == pytest.approx(-1.0, abs=0.2)
 
 
-def test_faster_than_anybody_is_nobody() -> None:
+def test_object_faster_than_limit_is_not_tracked() -> None:
     movers = MovingObjects(P)
     now_s = follow(movers, 0.6, P.fastest_mps + 0.6, noise=False)
     assert len(movers.at(now_s, IDENTITY)) == 0
@@ -227,7 +227,7 @@ def come(scanner: Scanner, *walls: tuple[float, float, float]) -> int:
 NEAR, FAR = (-3.0, 3.0, 1.52), (-3.0, 3.0, 1.72)
 
 
-def test_only_what_comes_to_a_free_place_has_come() -> None:
+def test_arrival_requires_previously_free_place() -> None:
     assert come(Scanner(), NEAR) == 0  # it may have been there before
     assert come(Scanner().look(), NEAR) > 0
     assert come(Scanner().look(FAR), NEAR) > 0
@@ -240,7 +240,7 @@ def test_only_what_comes_to_a_free_place_has_come() -> None:
     assert come(scanner, NEAR) == 0  # static by now
 
 
-def test_who_went_on_where_nobody_looks_is_remembered_there_and_nowhere_else() -> None:
+def test_lost_person_is_remembered_only_in_hidden_area() -> None:
     someone = np.array([[SEEN[0], SEEN[1], 1.2]])
     scanner = Scanner().look(NEAR)
     behind = (2.62, 0.02)  # in the shadow of the wall
@@ -257,7 +257,7 @@ def test_who_went_on_where_nobody_looks_is_remembered_there_and_nowhere_else() -
     assert len(found) == 0 or found[:, 0].min() > 0.5  # never inside the robot
 
 
-def test_one_sees_what_is_higher_than_the_lowest_ray_and_nothing_in_the_robots_own_place() -> None:
+def test_visibility_requires_object_above_lowest_ray_and_outside_robot() -> None:
     scanner = Scanner(HIGH).look(vouch=True)
     assert not scanner.space.would_see(*SEEN, 1.7)  # a child fits below rays at 1.2 m
     scanner.origin_m = (0.45, 0.0, 0.40)
@@ -293,7 +293,7 @@ def test_a_child_that_walks_up_is_known_to_come_and_walls_stay_where_they_are() 
     assert np.hypot(moving[:, 3], moving[:, 4]).mean() == pytest.approx(1.0, abs=0.15)
 
 
-def test_who_walks_into_the_wedge_before_the_knees_is_remembered_before_them() -> None:
+def test_person_entering_blind_strip_before_knees_is_remembered() -> None:
     """The person ends in the strip that neither LiDAR sees."""
     yard = Yard(chair=True, who=ADULT)
     yard.run(0.5)

@@ -52,7 +52,7 @@ class Ride:
 
 
 @pytest.mark.parametrize(("columns", "seed"), [(400, 1), (400, 2), (800, 3)])
-def test_a_ramp_too_steep_to_climb_is_no_obstacle_at_its_foot(columns: int, seed: int) -> None:
+def test_steep_ramp_yields_no_obstacle_at_its_foot(columns: int, seed: int) -> None:
     """A remembered obstacle would stop the robot in front of it. Far up, single cells may appear as steps."""
     ride = Ride(seed, columns)
     while ride.pose.x < REACHED_M:

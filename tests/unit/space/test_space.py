@@ -231,9 +231,7 @@ def test_a_foot_belongs_to_the_leg_above_it() -> None:
         (0.16, (-90, 90), OCCUPIED),  # a foot or a dog: stays until rays pass below its top
     ],
 )
-def test_what_is_hardly_higher_than_the_ground_is_gone_where_ground_is_seen(
-    top_m: float, ground_deg: tuple[int, int], after: int
-) -> None:
+def test_low_object_is_cleared_where_ground_is_observed(top_m: float, ground_deg: tuple[int, int], after: int) -> None:
     scanner = Scanner((0.45, 0.0, 0.14))
     hit, seen = np.array([(*SEEN, top_m)], np.float32), scanner.view().bare
     seen[180 + ground_deg[0] : 180 + ground_deg[1]] = True
@@ -289,7 +287,7 @@ def test_odometry_restart_clears_the_grid() -> None:
     assert scanner.at(1.5, 0.0) == UNSEEN
 
 
-def test_points_that_are_no_numbers_and_the_robots_own_are_none() -> None:
+def test_non_finite_own_and_far_points_are_ignored() -> None:
     scanner = Scanner()
     hits = np.array([(math.nan, 0.0, 0.3), (1.5, math.inf, 0.3), (0.4, 0.2, 0.3), (90.0, 0.0, 0.3)], np.float32)
     bare = scanner.view()

@@ -69,7 +69,7 @@ def test_pedestrians_are_not_forgotten_over_time() -> None:
 
 @pytest.mark.parametrize("who", [CHILD, ADULT], ids=["child", "adult"])
 @pytest.mark.parametrize("side", ["ahead", "left"])
-def test_pedestrian_who_leaves_is_cleared(who: Post, side: str) -> None:
+def test_leaving_pedestrian_is_cleared(who: Post, side: str) -> None:
     yard, towards = walked_up(side, who, gap_m=0.25)
     x, y, _ = FOOTPRINT[side]
     yard.run(1.0)
@@ -245,7 +245,7 @@ def test_pedestrian_in_front_of_the_passenger_slows_the_robot(from_y_m: float) -
 # --- an ordinary ride ------------------------------------------------------------------------------------------------
 
 
-def test_ride_remembers_no_own_returns_and_sees_its_whole_path() -> None:
+def test_ride_marks_no_obstacle_or_unseen_cell_on_own_path() -> None:
     yard = Yard(left=ADULT, right=POLE, low=LOW_BOX)
     yard.at |= {"left": (4.0, 1.2), "right": (4.5, -1.2), "low": (6.0, 1.1)}
     yard.run(1.5, Twist2(1.0, 0.0, 0.0))

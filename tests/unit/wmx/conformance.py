@@ -278,7 +278,7 @@ class EngineConformance(SplineConformance):
         assert engine.api.CloseDevice() == GOOD
         wait_for(lambda: engine_state(harness.folder) is EngineState.Idle, "the engine to end")
 
-    def test_an_engine_started_anew_has_its_parameters_and_outputs_reset(self, harness: Harness) -> None:
+    def test_restarted_engine_has_default_parameters_and_outputs(self, harness: Harness) -> None:
         engine = harness.communicating()
         assert engine.core_motion.config.SetGearRatio(POS, 10.0, 1.0) == GOOD
         assert engine.io.SetOutBit(0, 7, 1) == GOOD
@@ -700,7 +700,7 @@ class EngineConformance(SplineConformance):
         wait_idle(engine, POS)
         assert status(engine).pos_cmd[POS] == pytest.approx(2.5)
 
-    def test_position_over_position_goes_on_from_the_present_velocity(self, harness: Harness) -> None:
+    def test_position_override_continues_from_present_velocity(self, harness: Harness) -> None:
         engine = harness.ready()
         motion = engine.core_motion.motion
         assert motion.StartPos(pos(POS, LONG_WAY)) == GOOD
@@ -871,7 +871,7 @@ class EngineConformance(SplineConformance):
         assert_at_rest(engine)
 
     @pytest.mark.parametrize("name", ["Stop_AxisSel", "ExecQuickStop_AxisSel"])
-    def test_stop_of_several_axes_stops_those_that_it_can_and_says_so(self, harness: Harness, name: str) -> None:
+    def test_stop_of_several_axes_stops_possible_axes_and_returns_error(self, harness: Harness, name: str) -> None:
         """An error does not mean that nothing stops: only one of the axes is not in the mode of the call."""
         engine = harness.ready()
         assert engine.core_motion.motion.StartPos(along(POS, 5.0)) == GOOD
@@ -1018,7 +1018,7 @@ class EngineConformance(SplineConformance):
         assert engine.core_motion.ReleaseEStop() == GOOD
         assert not status(engine).emergency_stop
 
-    def test_release_while_still_stopping_lets_the_stop_end(self, harness: Harness) -> None:
+    def test_release_during_emergency_stop_ramp_completes_stop(self, harness: Harness) -> None:
         engine = harness.ready()
         set_estop(engine, 40.0)
         assert engine.core_motion.velocity.StartVel(vel(VEL, 80.0, acc=0.0)) == GOOD
@@ -1058,7 +1058,7 @@ class EngineConformance(SplineConformance):
         assert engine.core_motion.ExecEStop(level) == ErrorCode.ArgumentOutOfRange
         assert not status(engine).emergency_stop
 
-    def test_servos_off_after_the_stop_if_told_so(self, harness: Harness) -> None:
+    def test_servos_switch_off_after_emergency_stop_ramp_if_configured(self, harness: Harness) -> None:
         engine = harness.ready()
         set_estop(engine, 20.0)
         config = engine.core_motion.config
@@ -1387,7 +1387,7 @@ class EngineConformance(SplineConformance):
 
     # -- soft limits ---------------------------------------------------------------------------------------------------
 
-    def test_soft_limit_stops_and_lets_out(self, harness: Harness) -> None:
+    def test_soft_limit_stops_axis_and_allows_motion_back(self, harness: Harness) -> None:
         engine = harness.ready()
         config, motion = engine.core_motion.config, engine.core_motion.motion
         _, param = config.GetLimitParam(POS)
@@ -1480,7 +1480,7 @@ class EngineConformance(SplineConformance):
         assert one.api.CloseDevice() == GOOD
         assert some_cycles(two, 50).op_state[[VEL, VEL_MIRRORED]].tolist() == [OperationState.Velocity] * 2
 
-    def test_a_client_that_says_nothing_keeps_its_device_and_its_motion(self, harness: Harness) -> None:
+    def test_idle_client_keeps_device_and_motion(self, harness: Harness) -> None:
         """The library resets the watchdog while its process runs: the watchdog is no dead-man."""
         one, two = harness.ready("one"), harness.connect("two")
         assert [device.watchdog for device in two.api.GetAllDevices()[1].devices] == [15_000, 15_000]

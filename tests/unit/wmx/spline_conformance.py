@@ -230,7 +230,7 @@ class SplineConformance:
         code = _advanced(engine).StartCSplinePos_PointTime(CHANNEL, command, 1, [AdvMotion_SplinePoint([1.0])], [9.0])
         assert code == AdvancedMotionErrorCode.DimensionOutOfRange
 
-    def test_spline_whose_count_does_not_fit(self, harness: Harness) -> None:
+    def test_spline_with_mismatched_point_count_is_rejected(self, harness: Harness) -> None:
         engine = _ready(harness)
         command = AdvMotion_PointTimeSplineCommand(dimensionCount=1, axis=[POS])
         point = AdvMotion_SplinePoint([1.0])

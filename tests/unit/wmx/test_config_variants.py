@@ -74,7 +74,7 @@ def test_keys_are_the_documented_ones_and_the_node_has_them_all(file: str, node:
 
 
 @pytest.mark.parametrize(("file", "node"), IN_FILES)
-def test_the_file_loads_and_says_what_the_node_gets(file: str, node: str) -> None:
+def test_loaded_parameters_equal_file_values(file: str, node: str) -> None:
     params = loaded(file, node)
     for name, value in parameters(file, node).items():
         ours = getattr(params, name)

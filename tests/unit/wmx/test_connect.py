@@ -22,7 +22,7 @@ def folder() -> Iterator[Path]:
         yield folder
 
 
-def test_without_an_engine_it_says_so_and_does_not_block(folder: Path) -> None:
+def test_connect_without_engine_raises_without_blocking(folder: Path) -> None:
     with pytest.raises(EngineError, match="node: cannot create a device: no engine is running there") as raised:
         connect("node", client_config(folder), timeout_s=0.0)
     assert raised.value.code == ErrorCode.IMLibIsNotRunning

@@ -473,7 +473,7 @@ class TestGearsOverTime:
 
 
 class TestBrokenBus:
-    def test_bus_that_lies_about_nothing_else_is_not_believed(self) -> None:
+    def test_feedback_of_lost_bus_cycle_is_ignored(self) -> None:
         """Feedback of a cycle that the bus reports as lost is not used."""
 
         class Liar(VirtualDrives):

@@ -80,7 +80,7 @@ class TestDriveAlarm:
         wait_status(engine, lambda now: now.servo_on[POS], "servo on")
         assert engine.core_motion.motion.StartPos(pos(POS, 1.0)) == GOOD
 
-    def test_alarm_whose_cause_remains(self, harness: ThreadHarness) -> None:
+    def test_clearing_alarm_with_remaining_cause_keeps_alarm(self, harness: ThreadHarness) -> None:
         engine = harness.ready()
         harness.drives.stubborn = True
         harness.drives.alarms[POS] = ALARM
@@ -285,7 +285,7 @@ class TestInputs:
 
 
 class TestCreationLock:
-    def test_locked_creation_is_told_so_at_once(self, harness: ThreadHarness) -> None:
+    def test_locked_device_creation_returns_error_immediately(self, harness: ThreadHarness) -> None:
         engine = harness.connect()
         engine.close()
         harness.server.inject_create_lock(60.0)

@@ -92,7 +92,7 @@ def apply(engine: Engine, wanted: ParameterValues) -> int:
 
 
 class TestText:
-    def test_what_is_written_is_read_back(self, fresh: Engine) -> None:
+    def test_written_parameters_are_read_back(self, fresh: Engine) -> None:
         present = values(fresh)
         assert parse(render(present).encode(), N_AXES) == present
 
@@ -159,7 +159,7 @@ class TestText:
             small("<MotionParam><QuickStopDec>" + "9" * 1000 + "</QuickStopDec></MotionParam>"),
         ],
     )
-    def test_what_is_no_parameter_file(self, text: bytes) -> None:
+    def test_malformed_parameter_file_is_rejected(self, text: bytes) -> None:
         with pytest.raises(ParameterFileError):
             parse(text, 1)
 
@@ -194,7 +194,9 @@ class TestFile:
         assert list(tmp_path.iterdir()) == [target]
 
     @pytest.mark.parametrize("make", [lambda path: None, lambda path: path.mkdir(), lambda path: os.mkfifo(path)])
-    def test_what_is_no_file(self, tmp_path: Path, make: Callable[[Path], None]) -> None:
+    def test_missing_or_unreadable_parameter_file_raises_os_error(
+        self, tmp_path: Path, make: Callable[[Path], None]
+    ) -> None:
         path = tmp_path / "p.xml"
         make(path)
         with pytest.raises(OSError, match=r"p\.xml"):
@@ -294,7 +296,7 @@ class TestSet:
         assert fresh.arrays.flags[Flag.OP_STATE, POS] == OperationState.Pos
         assert apply(fresh, values(fresh)) == ErrorCode.NotIdleState
 
-    def test_another_gear_rescales_positions_and_asks_for_homing(self, fresh: Engine) -> None:
+    def test_changed_gear_ratio_rescales_positions_and_clears_homing(self, fresh: Engine) -> None:
         fresh.set_position(POS, Real.POS_CMD, 8.0)
         fresh.cycle()
         offset = fresh.arrays.reals[Real.HOME_OFFSET, POS]
@@ -337,7 +339,7 @@ class TestArmsFile:
 
     PATH = config_dir() / "wmx" / "cr3a_wmx_parameters.xml"
 
-    def test_is_what_the_arms_engine_starts_with(self, arm: Engine) -> None:
+    def test_shipped_parameter_file_equals_engine_defaults_of_arm(self, arm: Engine) -> None:
         assert self.PATH.read_text(encoding="utf-8") == render(values(arm)), "export it again"
 
     def test_the_engine_takes_it(self, arm: Engine) -> None:

@@ -103,7 +103,9 @@ class TestProtocol:
 
 class TestMisbehaviour:
     @pytest.mark.parametrize("data", list(MALFORMED.values()), ids=list(MALFORMED))
-    def test_rubbish_is_cut_off_and_hurts_nobody(self, harness: ThreadHarness, data: bytes) -> None:
+    def test_malformed_request_closes_connection_without_affecting_other_clients(
+        self, harness: ThreadHarness, data: bytes
+    ) -> None:
         engine = harness.ready()
         assert engine.core_motion.velocity.StartVel(vel(VEL, 2.0)) == ErrorCode.PyNone
         with harness.raw_socket() as vandal:
@@ -354,7 +356,7 @@ class TestTurns:
 
 
 class TestPace:
-    def test_what_cannot_be_caught_up_is_skipped_and_counted(self) -> None:
+    def test_missed_cycles_are_skipped_and_counted_as_overruns(self) -> None:
         class Slow(VirtualDrives):
             def exchange(self, out: DriveCommands, inp: DriveFeedback) -> bool:
                 end = time.monotonic() + 0.0035

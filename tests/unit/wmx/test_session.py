@@ -62,7 +62,7 @@ class Refusing:
         raise EngineError("no device", code, "refused")
 
 
-def test_engine_is_asked_now_and_then_whether_it_is_there(engine: FakeEngine) -> None:
+def test_session_polls_engine_at_low_rate(engine: FakeEngine) -> None:
     """No other call is made, since the library feeds the watchdog."""
     session = session_with(lambda: engine)
     for tick in range(30):
@@ -80,7 +80,7 @@ def test_engine_that_died_leaves_a_status_that_only_grows_old(engine: FakeEngine
     assert session.text == "the motion engine has ended"
 
 
-def test_engine_that_hangs_is_asked_seldom(engine: FakeEngine) -> None:
+def test_hanging_engine_is_polled_at_low_rate(engine: FakeEngine) -> None:
     session = session_with(lambda: engine)
     engine.answer = ErrorCode.APIChannelTimeOut
     for tick in range(50):
@@ -99,7 +99,7 @@ def test_engine_that_cannot_be_opened_yet_is_waited_for(code: int) -> None:
     assert open_engine.attempts == 20
 
 
-def test_engine_that_refuses_is_asked_five_times_two_seconds_apart_and_told(engine: FakeEngine) -> None:
+def test_rejecting_engine_is_retried_five_times_every_two_seconds(engine: FakeEngine) -> None:
     open_engine = Refusing(ErrorCode.ReachMaxChannelNumber)
     session = session_with(open_engine)
     texts = []
@@ -147,7 +147,7 @@ def test_refusal_is_kept_until_the_request_succeeds(engine: FakeEngine) -> None:
     assert session.refusal("request", "none") == "none"
 
 
-def test_dead_engine_is_given_up_and_opened_anew(engine: FakeEngine) -> None:
+def test_dead_engine_is_closed_and_reopened(engine: FakeEngine) -> None:
     session = session_with(lambda: engine)
     session.poll(10.0)
     assert session.read() is not None
@@ -161,7 +161,7 @@ def test_dead_engine_is_given_up_and_opened_anew(engine: FakeEngine) -> None:
     assert engine.calls == ["close", "close"]
 
 
-def test_who_has_to_know_is_told_what_becomes_of_the_device(engine: FakeEngine) -> None:
+def test_events_report_failed_opened_and_lost_device(engine: FakeEngine) -> None:
     told: list[object] = []
     events = Events(
         lambda _: told.append("opened"), lambda error, n: told.append((error.code, n)), lambda: told.append("lost")
@@ -204,7 +204,7 @@ class Slow:
         return self.engine
 
 
-def test_a_device_that_takes_its_time_holds_nobody_up(engine: FakeEngine) -> None:
+def test_slow_device_creation_does_not_block_polling(engine: FakeEngine) -> None:
     slow = Slow(engine)
     session = session_with(slow, opener=ThreadedOpener)
     for tick in range(50):
@@ -225,7 +225,7 @@ def test_a_refusal_comes_out_of_the_thread(engine: FakeEngine) -> None:
     wait_for(lambda: session.poll(next(now_s)) or session.text.startswith("attempt 1 of 5: no device"), "the refusal")
 
 
-def test_what_is_no_refusal_of_the_engine_comes_out_of_the_thread_too(engine: FakeEngine) -> None:
+def test_unexpected_exception_of_opener_thread_is_raised_by_poll(engine: FakeEngine) -> None:
     slow = Slow(engine)
     slow.refusal = ZeroDivisionError("a mistake")
     slow.let.set()

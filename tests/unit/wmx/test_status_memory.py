@@ -105,7 +105,7 @@ def test_never_torn(folder: Path, n_axes: int, checked: bool) -> None:
             process.join()
 
 
-def test_what_is_published_is_read(folder: Path) -> None:
+def test_status_memory_round_trip(folder: Path) -> None:
     engine = make_engine()
     writer = StatusWriter(engine, folder)
     engine.condition.state = EngineState.Communicating
@@ -131,7 +131,7 @@ def test_what_is_published_is_read(folder: Path) -> None:
 
 
 @pytest.mark.parametrize("checked", [False, True], ids=["plain", "checksum"])
-def test_feedback_is_what_the_status_says(folder: Path, checked: bool) -> None:
+def test_axis_feedback_equals_full_status(folder: Path, checked: bool) -> None:
     engine = make_engine()
     writer = StatusWriter(engine, folder, checked)
     engine.condition.cycles = 77
@@ -248,7 +248,7 @@ def test_view_goes_stale_and_finds_the_next_writer(folder: Path) -> None:
     assert view.read_feedback() is not None
 
 
-def test_empty_snapshot_says_offline() -> None:
+def test_empty_snapshot_is_offline() -> None:
     snapshot = empty_snapshot(3)
     assert snapshot.engine_state is EngineState.Unknown
     assert not snapshot.communicating

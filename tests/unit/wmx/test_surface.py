@@ -92,6 +92,6 @@ def test_on_the_wire(kind: Any, value: Any, sent: Any) -> None:
         (list[int], [None]),
     ],
 )
-def test_what_is_not_of_its_kind_is_refused(kind: Any, value: Any) -> None:
+def test_argument_of_wrong_kind_is_rejected(kind: Any, value: Any) -> None:
     with pytest.raises(BadArgument):
         decode(kind, value)

@@ -116,7 +116,7 @@ class TestProbe:
         assert "engine: simulated" in str(raised.value), "the way out is named"
         assert "\n" not in str(raised.value)
 
-    def test_missing_library_is_told_by_a_node_that_waits_for_its_engine(self, config: ClientConfig) -> None:
+    def test_missing_vendor_library_is_reported_by_waiting_session(self, config: ClientConfig) -> None:
         session = EngineSession(lambda: connect("node", config, timeout_s=0.0), Patience(1.0, 5, 2.0, 1.0))
         assert not session.poll(0.0)
         assert "set library_path in config/wmx_client.yaml" in session.text
@@ -284,7 +284,9 @@ class TestCalls:
         assert engine.api.CreateDevice(str(harness.folder), 0, 0) == ErrorCode.ResourceInUse
         assert len(harness.module.CONTROL.named("WMX3Api.CreateDevice")) == created
 
-    def test_no_time_given_is_no_time_over(self, harness: VendorHarness, monkeypatch: pytest.MonkeyPatch) -> None:
+    def test_call_without_timeout_does_not_report_timeout(
+        self, harness: VendorHarness, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
         """Nodes pass no time and poll the status, so a started operation is no failure."""
         engine, codes = harness.connect(), harness.module.ErrorCode
         native = harness.module.WMX3Api
@@ -338,7 +340,7 @@ class TestNumbers:
         if theirs != CoreMotionErrorCode.NotServoOn:
             assert engine.core_motion.motion.StartPos(pos(POS, 1.0)) != theirs
 
-    def test_text_is_asked_of_the_module_in_its_own_number(self, harness: VendorHarness) -> None:
+    def test_error_text_is_requested_with_vendor_code_of_module(self, harness: VendorHarness) -> None:
         engine, control = harness.connect(), harness.module.CONTROL
         module, code = harness.module, CoreMotionErrorCode.NotServoOn
         assert engine.core_motion.ErrorToString(code) == "the servo is not on"
@@ -354,7 +356,7 @@ class TestNumbers:
             module.AdvancedMotionErrorCode.TimeBetweenPointsTooClose,
         )
 
-    def test_code_that_only_a_newer_version_knows(self) -> None:
+    def test_unknown_vendor_error_code_is_offset_and_described(self) -> None:
         """The port uses its number under another name, which must not be returned."""
         with vendor_harness("newer") as harness:
             engine, module = harness.connect(), harness.module
@@ -399,7 +401,7 @@ class TestNumbers:
 
 
 class TestBlocks:
-    def test_what_only_the_vendor_knows_survives(self, harness: VendorHarness) -> None:
+    def test_vendor_only_parameters_are_preserved(self, harness: VendorHarness) -> None:
         engine = harness.connect()
         native = harness.module.CoreMotion(engine.api.theirs)  # type: ignore[attr-defined]
         _, block = native.config.GetHomeParam(POS)

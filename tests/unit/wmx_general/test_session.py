@@ -136,7 +136,7 @@ def at_rest(axis: int) -> Callable[[StatusSnapshot], bool]:
 
 
 class TestDevice:
-    def test_attempts_are_told_and_then_it_goes_on_in_silence(self, rig: Rig) -> None:
+    def test_failed_attempts_are_logged_five_times_then_retried_silently(self, rig: Rig) -> None:
         rig.refusals = [297, 263, 297, 263, 297, 263, 263]
         rig.start()
         told = [line for line in rig.log.lines if "attempt" in line]
@@ -301,7 +301,7 @@ class TestCommunication:
 
 
 class TestServos:
-    def test_on_and_off_when_the_drives_say_so(self, rig: Rig, harness: ThreadHarness) -> None:
+    def test_servo_request_answers_after_drives_confirm(self, rig: Rig, harness: ThreadHarness) -> None:
         onlooker = harness.communicating()
         rig.start()
         assert rig.ask(lambda: rig.session.axes.set_on([0, 2], [1, 1])) == Answer(
@@ -331,7 +331,7 @@ class TestServos:
             "",
         ]
 
-    def test_who_waits_for_a_drive_holds_up_neither_state_nor_others(self, rig: Rig, harness: ThreadHarness) -> None:
+    def test_slow_servo_request_does_not_block_state_or_other_requests(self, rig: Rig, harness: ThreadHarness) -> None:
         harness.communicating()
         harness.drives.broken[1] = True
         rig.start()
@@ -366,7 +366,7 @@ class TestServos:
             ([0, 0], [1, 0], "index names axis 0 twice: index[0] and index[1]"),
         ],
     )
-    def test_a_request_that_is_wrong_as_a_whole_touches_nothing(
+    def test_malformed_axis_request_changes_no_axis(
         self, rig: Rig, harness: ThreadHarness, index: list[int], data: list[int], text: str
     ) -> None:
         onlooker = harness.communicating()
@@ -477,7 +477,7 @@ class TestMotion:
         assert not status(onlooker).op_state.any()
         assert rig.session.refused == 2
 
-    def test_a_stream_of_refusals_is_told_once_a_second(self, rig: Rig) -> None:
+    def test_repeated_rejections_are_logged_at_limited_rate(self, rig: Rig) -> None:
         rig.up()
         for number in range(200):
             rig.move(rig.session.motion.go_to, [POS], [1.0], [1.0], [-0.5 - 0.001 * number], [9.0])
@@ -576,7 +576,7 @@ class TestEmergencyStop:
 
 
 class TestState:
-    def test_is_said_from_the_first_tick_on(self, harness: ThreadHarness) -> None:
+    def test_state_is_published_from_first_tick(self, harness: ThreadHarness) -> None:
         """The state is published with all servos off until an engine exists, and also while its bus is not running."""
         rig = Rig(harness)
         rig.refusals = [ErrorCode.IMLibIsNotRunning] * 3

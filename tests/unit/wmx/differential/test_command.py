@@ -33,7 +33,7 @@ def test_young_twist_is_the_wish(command: TwistCommand) -> None:
     assert command.requested(10.25) == Command(0.5, -0.2)
 
 
-def test_old_twist_is_a_stop_and_says_so(command: TwistCommand) -> None:
+def test_stale_twist_stops_and_reports_timeout(command: TwistCommand) -> None:
     command.receive(fields(0.5), 10.0)
     assert command.requested(10.26) == Command(0.0, 0.0, "no command for 0.25 s")
 
@@ -60,7 +60,7 @@ def test_after_a_bad_twist_a_good_one_drives(command: TwistCommand) -> None:
     assert command.requested(10.1) == Command(0.5, 0.0)
 
 
-def test_a_twist_is_as_old_as_its_stamp_says(command: TwistCommand) -> None:
+def test_twist_age_is_taken_from_stamp(command: TwistCommand) -> None:
     command.receive(fields(0.5), 10.0, age_s=0.2)
     assert command.requested(10.05) == Command(0.5, 0.0)
     assert speeds(command.requested(10.06)) == (0.0, 0.0)
@@ -95,7 +95,7 @@ def test_zero_or_silence_is_rest(command: TwistCommand, rest: str) -> None:
     assert command.requested(11.0) == Command(0.3, 0.0)
 
 
-def test_what_was_not_heard_before_rest_was_demanded_is_no_silence(command: TwistCommand) -> None:
+def test_silence_before_rest_demand_does_not_count_as_rest(command: TwistCommand) -> None:
     """A node hung: its first read finds an old twist and a stopped drive, then the stream continues."""
     command.receive(fields(0.5), 10.0)
     assert speeds(command.requested(15.0)) == (0.0, 0.0)
@@ -115,7 +115,7 @@ def test_twist_before_anything_was_seen_must_wait() -> None:
     assert command.requested(10.0).blocked
 
 
-def test_nothing_received_is_no_silence_until_every_sender_must_be_known() -> None:
+def test_silence_counts_only_after_discovery_time() -> None:
     """The node discovers an existing stream only after a while; that stream must not start the base."""
     command = TwistCommand(timeout_s=0.25, heard_from_s=2.5)
     command.requested(1.0)

@@ -81,7 +81,7 @@ BEFORE = WheelReading(100.0, WheelPair(1.0, 1.0))
         (WheelReading(100.01, WheelPair(1.1, 1.1), generation=1), "the engine restarted"),
     ],
 )
-def test_what_cannot_be_believed_moves_nothing_and_says_why(reading: WheelReading, says: str) -> None:
+def test_implausible_reading_is_rejected_with_reason(reading: WheelReading, says: str) -> None:
     odometry = WheelOdometry(BASE, SETTINGS)
     odometry.update(BEFORE)
 
@@ -91,7 +91,7 @@ def test_what_cannot_be_believed_moves_nothing_and_says_why(reading: WheelReadin
     assert after.pose == IDENTITY
 
 
-def test_after_a_jump_it_goes_on_from_the_new_angles() -> None:
+def test_odometry_continues_from_new_angles_after_jump() -> None:
     odometry = WheelOdometry(BASE, SETTINGS)
     odometry.update(BEFORE)
     odometry.update(WheelReading(100.01, WheelPair(50.0, 50.0)))
@@ -101,7 +101,7 @@ def test_after_a_jump_it_goes_on_from_the_new_angles() -> None:
     assert xyyaw(after) == pytest.approx((0.1, 0.0, 0.0))
 
 
-def test_after_a_reading_that_is_none_the_way_meanwhile_counts() -> None:
+def test_distance_during_nan_reading_is_counted() -> None:
     odometry = WheelOdometry(BASE, SETTINGS)
     odometry.update(BEFORE)
     odometry.update(WheelReading(100.05, WheelPair(math.nan, math.nan)))

@@ -101,7 +101,7 @@ def test_limits_are_off_as_documented_and_each_can_be_set_alone() -> None:
 
 
 @pytest.mark.parametrize(("name", "is_one"), [("/odom_enc", True), ("", False), ("/diff_drive/no_param", False)])
-def test_no_param_and_empty_are_no_names(name: str, is_one: bool) -> None:
+def test_empty_and_no_param_are_not_names(name: str, is_one: bool) -> None:
     assert named(name) is is_one
 
 

@@ -204,7 +204,7 @@ def story() -> Story:
 # --- start ----------------------------------------------------------------------------------------------------
 
 
-def test_start_asks_for_everything_in_its_order(story: Story) -> None:
+def test_start_calls_engine_in_fixed_order(story: Story) -> None:
     story = Story("/p.xml")
     story.engine.put(Flag.AMP_ALARM, 1, LEFT)
     story.tick(0.2)
@@ -304,7 +304,7 @@ def test_one_wheel_at_rest_and_the_other_not(story: Story) -> None:
     assert [command.axis for command in story.engine.commands] == [RIGHT]
 
 
-def test_refused_motion_says_why(story: Story) -> None:
+def test_rejected_motion_reports_engine_error(story: Story) -> None:
     story.ready()
     story.engine.codes["StartVel_TimedVel"] = CoreMotionErrorCode.NotVelocityMode
     assert story.session.follow(WheelPair(1.0, 1.0), story.now_s) == (None, "driving: NotVelocityMode (error 65572)")
@@ -328,7 +328,7 @@ def test_a_ramp_of_its_own(story: Story) -> None:
     assert story.engine.commands[0].profile.velocity == 2.0
 
 
-def test_a_wheel_stopped_by_another_is_noticed_while_speeds_change(story: Story) -> None:
+def test_external_stop_of_wheel_is_detected_while_speed_changes(story: Story) -> None:
     story.ready()
     for step in range(30):
         story.session.follow(WheelPair(1.0 + 0.01 * step, 1.0), story.now_s, 0.02)
@@ -339,7 +339,7 @@ def test_a_wheel_stopped_by_another_is_noticed_while_speeds_change(story: Story)
     assert story.session.state.stage is Stage.FAULT
 
 
-def test_ramp_goes_on_when_its_command_is_renewed(story: Story) -> None:
+def test_renewed_command_continues_ramp(story: Story) -> None:
     """The ramp does not restart: it ends 0.5 s after it began."""
     story.ready()
     begun_s = story.now_s
@@ -387,7 +387,7 @@ def test_nothing_drives_before_it_is_ready(story: Story) -> None:
     assert story.engine.commands == []
 
 
-def test_nothing_but_the_engine_s_answer_is_asked_for_by_itself(story: Story) -> None:
+def test_session_without_follow_only_polls_engine(story: Story) -> None:
     """Only ``follow`` keeps the wheels turning: if a node does not call it, they stop."""
     story.driving()
     story.tick(1.0)
@@ -406,7 +406,7 @@ def test_nothing_but_the_engine_s_answer_is_asked_for_by_itself(story: Story) ->
         (Flag.SERVO_ON, 0, "right wheel: servo off; needs clear_alarm"),
     ],
 )
-def test_fault_of_one_wheel_stops_both_and_waits_for_somebody(story: Story, flag: Flag, value: int, says: str) -> None:
+def test_fault_of_one_wheel_stops_both_until_fault_is_cleared(story: Story, flag: Flag, value: int, says: str) -> None:
     story.driving()
     story.engine.put(flag, value, RIGHT)
     stage, text = story.tick()
@@ -436,7 +436,7 @@ def test_wheel_that_is_being_stopped_by_another_stops_the_other_too(story: Story
     assert story.called("ExecQuickStop") == 1
 
 
-def test_who_was_held_up_does_not_set_stopped_wheels_in_motion_again(story: Story) -> None:
+def test_delay_before_motion_command_does_not_restart_stopped_wheels(story: Story) -> None:
     """The process hangs between the status and the command, while the engine stops the wheels by itself."""
     story.driving()
     story.engine.time_s += 1.0
@@ -447,7 +447,7 @@ def test_who_was_held_up_does_not_set_stopped_wheels_in_motion_again(story: Stor
     assert story.tick()[0] is Stage.FAULT
 
 
-def test_who_was_held_up_in_the_command_itself_stops_the_wheels(story: Story, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_delay_within_motion_command_stops_wheels(story: Story, monkeypatch: pytest.MonkeyPatch) -> None:
     story.driving()
     start = FakeEngine.StartVel_TimedVel
 
@@ -460,7 +460,7 @@ def test_who_was_held_up_in_the_command_itself_stops_the_wheels(story: Story, mo
     assert story.asked() == ["StartVel_TimedVel", "ExecQuickStop"]
 
 
-def test_who_was_held_up_may_stop(story: Story) -> None:
+def test_stop_command_is_accepted_after_delay(story: Story) -> None:
     story.driving()
     story.engine.time_s += 1.0
     assert story.session.follow(REST, story.now_s) == (REST, "")
@@ -474,7 +474,7 @@ def test_wheel_is_given_time_to_begin(story: Story) -> None:
     assert story.tick(0.05)[0] is Stage.READY
 
 
-def test_rest_is_no_motion_that_could_be_missed(story: Story) -> None:
+def test_commanded_rest_is_not_reported_as_missing_motion(story: Story) -> None:
     story.driving()
     story.session.follow(REST, story.now_s)
     story.engine.rest(LEFT, RIGHT)
@@ -498,7 +498,7 @@ def test_quick_stop_reaches_each_axis_in_its_own_mode(story: Story) -> None:
     assert story.engine.calls == ["ExecQuickStop", *["ExecQuickStop(2)"] * 2, *["ExecQuickStop(1)"] * 2]
 
 
-def test_quick_stop_without_an_engine_says_so(story: Story) -> None:
+def test_quick_stop_without_engine_reports_error(story: Story) -> None:
     assert story.session.quick_stop() == "no engine to stop"
 
 
@@ -576,7 +576,7 @@ def test_wheels_in_a_quick_stop_are_left_to_it(story: Story) -> None:
     assert story.asked() == ["ExecQuickStop"], "a soft stop is not quick enough"
 
 
-def test_stop_that_was_refused_is_asked_for_again(story: Story) -> None:
+def test_rejected_quick_stop_is_repeated(story: Story) -> None:
     story.driving()
     story.engine.codes["ExecQuickStop"] = ErrorCode.APIChannelTimeOut
     story.tick(stop=True)

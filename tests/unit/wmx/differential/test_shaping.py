@@ -76,7 +76,7 @@ def test_a_stop_is_limited_too_and_silence_is_not() -> None:
     assert drive.step(SILENT) == WheelCommand(REST, None), "the documented stop"
 
 
-def test_after_a_silence_it_begins_from_what_the_wheels_do() -> None:
+def test_shaping_after_silence_starts_from_measured_wheel_speed() -> None:
     drive = Drive()
     drive.run(0.8, 0.0, 2.0)
     drive.step(SILENT)
@@ -85,7 +85,7 @@ def test_after_a_silence_it_begins_from_what_the_wheels_do() -> None:
     assert drive.twists[-1][0] == pytest.approx(0.5, abs=0.001)
 
 
-def test_an_engine_whose_time_stands_is_given_no_further_step() -> None:
+def test_frozen_engine_time_yields_no_further_step() -> None:
     drive = Drive()
     drive.run(0.8, 0.0, 0.5)
     before = drive.step(Command(0.8, 0.0))
@@ -93,7 +93,7 @@ def test_an_engine_whose_time_stands_is_given_no_further_step() -> None:
 
 
 @pytest.mark.parametrize("dt_s", [0.2, -1.0])
-def test_a_pause_is_no_step(dt_s: float) -> None:
+def test_pause_or_negative_time_restarts_from_measured_wheel_speed(dt_s: float) -> None:
     drive = Drive()
     drive.run(0.8, 0.0, 2.0)
     drive.wheels = WheelPair(3.0, 3.0)

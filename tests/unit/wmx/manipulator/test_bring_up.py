@@ -112,7 +112,7 @@ def test_nothing_is_known_before_the_parameters_are_set():
     assert story.step is Step.READY
 
 
-def test_without_a_parameter_file_it_is_told_and_goes_on():
+def test_missing_parameter_file_is_warned_of_and_start_continues():
     story = Story(parameter_file="")
     assert story.run(2.0) is not None
     text = "wmx_param_file_path is not set, the engine's parameters stay as they are"
@@ -190,7 +190,7 @@ def test_a_request_without_effect_fails_in_time(call: str, step: Step, text: str
     assert text in story.told()[-1]
 
 
-def test_a_network_scan_that_fails_is_only_told():
+def test_failed_network_scan_is_warned_of_and_start_continues():
     story = Story()
     story.engine.codes["ScanNetwork"] = 1288
     story.run(2.0)
@@ -198,7 +198,7 @@ def test_a_network_scan_that_fails_is_only_told():
     assert [line for line in story.told() if line.startswith("warning: network scan: failed, going on without: ")]
 
 
-def test_a_bus_of_an_engine_that_does_not_tell_why_it_ended_is_started_again():
+def test_bus_that_ended_without_cause_is_restarted():
     """The vendor's status names no cause: the restart repairs a cable fault, but also undoes a deliberate stop."""
     story = Story().up()
     story.engine.communicates(False, error=UNTOLD)
@@ -223,7 +223,7 @@ def test_axis_parameters_that_cannot_be_read_stop_nothing():
     assert "warning: axis parameters: cannot be read: text 1537 (CommNotStarted, error 1537)" in story.told()
 
 
-def test_alarms_are_told_before_they_are_cleared():
+def test_alarms_are_reported_before_clearing():
     story = Story()
     story.engine.flag(Flag.AMP_ALARM, 1, 1)
     story.engine.flag(Flag.AMP_ALARM_CODE, 1, 33)
@@ -276,7 +276,7 @@ def test_too_few_axes():
 # --- while it runs
 
 
-def test_while_all_is_well_nothing_is_asked():
+def test_ready_bring_up_makes_no_engine_calls():
     story = Story().up()
     story.run(5.0)
     assert story.engine.calls == []
@@ -307,7 +307,7 @@ def test_a_bus_that_was_stopped_is_its_stoppers_to_start():
     assert (story.step, story.engine.calls) == (Step.READY, [])
 
 
-def test_a_bus_that_is_lost_during_the_start_is_followed_by_the_whole_rest():
+def test_bus_loss_during_start_repeats_remaining_steps():
     story = Story()
     story.engine.deaf.add("SetServoOn")
     story.run(1.0)
@@ -351,7 +351,7 @@ def test_a_status_that_cannot_be_read_for_a_while():
     assert story.step is Step.READY
 
 
-def test_cycles_that_stand_still_are_no_status():
+def test_frozen_cycle_counter_yields_no_status():
     story = Story().up()
     snapshot = story.engine.read_status()[1]
     story.engine.read_status = lambda: (0, snapshot)  # type: ignore[method-assign]
@@ -382,7 +382,7 @@ def test_the_end_leaves_the_bus_if_so_configured():
     assert "StopCommunication" not in story.engine.calls
 
 
-def test_the_end_leaves_what_was_on_before():
+def test_end_switches_off_only_servos_switched_on_by_bring_up():
     story = Story()
     story.engine.communicates(True)
     story.engine.flag(Flag.SERVO_ON, 0, 1)
@@ -439,7 +439,7 @@ def test_a_look_suffices_while_nothing_changes():
 
 
 @pytest.mark.parametrize("what", ["no status", "no communication", "a cycle that was seen already"])
-def test_what_changes_is_left_to_a_poll(what: str):
+def test_look_returns_none_for_changed_engine_state(what: str):
     story = Story().up()
     if what == "no status":
         story.engine.codes["read_status"] = ErrorCode.StatusChannelError

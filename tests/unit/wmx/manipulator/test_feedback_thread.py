@@ -75,7 +75,7 @@ def test_it_publishes_every_status_and_ends_in_order():
 
 
 @pytest.mark.parametrize("fit", [True, False])
-def test_what_is_not_published_is_counted_with_its_reason(fit: bool):
+def test_skipped_feedback_is_counted_with_reason(fit: bool):
     bring_up = FakeBringUp()
     if fit:
         bring_up.status = None
@@ -97,7 +97,7 @@ def test_between_polls_it_only_looks():
     assert paced.snapshot is bring_up.status
 
 
-def test_what_a_look_does_not_show_is_polled_in_the_same_tick():
+def test_poll_follows_insufficient_look_in_same_tick():
     bring_up = FakeBringUp()
     bring_up.changed_at = 3
     paced = thread(bring_up)

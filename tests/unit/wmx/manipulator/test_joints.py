@@ -33,7 +33,7 @@ def test_read(outputs: list[int], finger: float):
 
 @pytest.mark.parametrize("row", [Real.ACTUAL_POS, Real.ACTUAL_VELOCITY])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_values_that_are_not_finite_are_told(row: Real, value: float):
+def test_non_finite_feedback_is_rejected(row: Real, value: float):
     snapshot = status([0, 0])
     snapshot.reals[row, 1] = value
     assert read(axis_feedback(snapshot), SETTINGS) is None

@@ -80,7 +80,7 @@ def test_a_stamp_for_isaac_if_so_configured():
         ({"unheard": ("isaac", "gazebo")}, ["encoder"]),
     ],
 )
-def test_what_is_not_set_or_not_heard_is_not_sent(changes: dict[str, Any], names: list[str]):
+def test_unset_or_unsubscribed_outputs_are_not_published(changes: dict[str, Any], names: list[str]):
     sent = Sent()
     assert ManipulatorStateNode._publish(node(sent, **changes), feedback())
     assert [name for name, _ in sent.items] == names

@@ -63,7 +63,7 @@ def test_pauses_stay_within_their_bounds(failures: int):
     assert 2.0 <= RULE.pause_after(failures) <= 10.0
 
 
-def test_failures_are_told_as_attempts_then_once_as_an_error():
+def test_failures_are_logged_per_attempt_then_once_as_error():
     progress, lines = START, []
     for _ in range(5):
         progress, line = advance(progress, REFUSED, 100.0, RULES)
@@ -86,7 +86,7 @@ def test_a_failed_step_is_due_after_its_pause():
     assert progress.failures == 1
 
 
-def test_what_was_asked_for_is_waited_for_and_fails_at_its_limit():
+def test_requested_step_is_awaited_until_its_timeout():
     progress = Progress(Step.SERVO_ON)
     progress, line = advance(progress, ASKED, 10.0, RULES)
     assert (progress.waiting, progress.due(10.0), line) == (True, False, None)
@@ -98,7 +98,7 @@ def test_what_was_asked_for_is_waited_for_and_fails_at_its_limit():
     assert progress.due(17.0)
 
 
-def test_a_step_that_is_done_forgets_its_failures_and_tells():
+def test_completed_step_resets_failures_and_is_logged():
     progress, _ = advance(START, REFUSED, 0.0, RULES)
     progress, line = advance(progress, Outcome(Result.DONE, "open"), 2.0, RULES)
     assert progress == Progress(Step.SCAN)
@@ -111,7 +111,7 @@ def test_the_level_of_a_step_that_is_done():
     assert line == Line(Level.WARNING, "device: left out")
 
 
-def test_held_is_no_failure_and_told_once():
+def test_held_step_is_not_a_failure_and_logged_once():
     held = Outcome(Result.HELD, "emergency stop")
     progress, line = advance(Progress(Step.SERVO_ON), held, 0.0, RULES)
     assert line == Line(Level.INFO, "servo on: emergency stop")

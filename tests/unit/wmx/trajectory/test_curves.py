@@ -112,12 +112,12 @@ def test_long_ways_take_no_more_points_than_they_need() -> None:
     assert spline.evaluate(3600.0)[1] == pytest.approx([0.001, 0.001], abs=1e-4)
 
 
-def test_already_there_with_velocities_asks_nothing_of_the_engine() -> None:
+def test_trajectory_ending_at_present_position_with_velocities_needs_no_spline() -> None:
     stay = through((0.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     assert plan_spline(stay, 0.0, HERE, JOINTS, NO_LIMITS) is None
 
 
-def test_what_more_points_could_not_tell_is_refused() -> None:
+def test_trajectory_needing_too_many_spline_points_is_rejected() -> None:
     wild = through((0.5, 1.0, 80.0, 0.0), (1.0, 0.0, 0.0, 0.0))
     text = refusal(wild, limits=replace(NO_LIMITS, near=Nearness(1e-5, 0.01, 40)))
     assert text.startswith("points.velocities: the engine's spline would need more than 40 points")
@@ -223,7 +223,7 @@ def test_a_continuous_joint_goes_the_short_way() -> None:
     assert plan_spline(whole_turn, 0.0, HERE, JOINTS, turning) is None, "already there"
 
 
-def test_the_first_point_is_asked_to_be_near_only_where_it_has_no_time() -> None:
+def test_start_deviation_is_checked_only_for_first_point_at_time_zero() -> None:
     strict = replace(NO_LIMITS, max_start_deviation_rad=0.05)
     far = HERE + 0.2
     assert plan(Waypoints(np.array([2.0]), np.array([far])), limits=strict).duration_s == 2.0

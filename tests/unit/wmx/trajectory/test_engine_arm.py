@@ -135,7 +135,7 @@ def test_a_buffer_that_is_there_is_used_if_it_is_large_enough(bench: Bench, foun
     assert len(bench.named("FreeSplineBuffer")) == created - 1
 
 
-def test_a_refused_buffer_is_asked_for_again_and_no_spline_starts_without(bench: Bench) -> None:
+def test_rejected_spline_buffer_is_retried_and_blocks_start(bench: Bench) -> None:
     bench.engine.codes["CreateSplineBuffer"] = [1552]
     assert "advanced 1552" in bench.poll()
     fault = bench.arm.start(SPLINE)

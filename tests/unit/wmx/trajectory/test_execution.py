@@ -180,7 +180,7 @@ def test_an_engine_that_ended_ends_the_goal_at_once() -> None:
     assert run.result == aborted(GONE.fault)
 
 
-def test_an_engine_that_is_silent_for_a_moment_is_waited_for_and_then_told_to_stop() -> None:
+def test_missing_status_is_tolerated_until_timeout_then_stops_motion() -> None:
     run = Run()
     run.to(0.7)
     run.blind = SILENT
@@ -201,7 +201,7 @@ def test_no_engine_at_the_start() -> None:
     assert late.tick(1.0, GONE) == aborted(GONE.fault)
 
 
-def test_a_motion_that_somebody_else_stops_is_no_success() -> None:
+def test_motion_stopped_by_other_client_is_aborted() -> None:
     run = Run()
     run.arm.cut_at_s = 0.6
     result = run.to_end()
@@ -210,7 +210,7 @@ def test_a_motion_that_somebody_else_stops_is_no_success() -> None:
     assert run.now_s == pytest.approx(0.6, abs=0.02)
 
 
-def test_a_motion_that_is_stopped_right_after_its_start_is_noticed_at_once() -> None:
+def test_motion_stopped_right_after_start_is_detected_immediately() -> None:
     run = Run()
     run.arm.cut_at_s = 0.03
     assert run.to_end().code == ErrorCode.NoMotion
@@ -262,7 +262,7 @@ def test_an_engine_that_is_held_up_is_not_late() -> None:
     assert run.result.outcome is Outcome.SUCCEEDED
 
 
-def test_an_engine_whose_clock_stands_is_late_in_the_end() -> None:
+def test_frozen_engine_clock_aborts_with_timeout() -> None:
     run = Run()
     run.to(0.5)
     held = run.arm.state()
@@ -304,7 +304,7 @@ def test_goal_tolerance_is_waited_for() -> None:
     assert run.now_s == pytest.approx(1.5, abs=0.02)
 
 
-def test_a_fault_while_the_joints_settle_is_no_success() -> None:
+def test_fault_while_settling_aborts_goal() -> None:
     run = Run(goal((1.0, (0.4, 0.2)), at_goal=Tolerances(np.full(2, 0.01), np.full(2, np.inf))))
     run.arm.offset[0] = 0.02
     run.to(1.2)

@@ -77,7 +77,7 @@ def test_of_several_newer_goals_the_last_one_runs() -> None:
     assert len(desk.arm.splines) == 2
 
 
-def test_an_empty_goal_stops_what_runs() -> None:
+def test_empty_goal_stops_running_goal() -> None:
     desk = Desk()
     desk.submit("a", FIRST)
     desk.run(0.9)
@@ -170,7 +170,7 @@ def test_a_goal_that_cannot_be_planned_leaves_the_waiting_one_alone_too() -> Non
     assert [desk.ended[key].outcome for key in ("a", "later")] == [Outcome.SUCCEEDED] * 2
 
 
-def test_the_running_goal_goes_on_until_the_start_of_the_newer_one() -> None:
+def test_running_goal_continues_until_start_time_of_newer_goal() -> None:
     desk = Desk()
     desk.submit("a", FIRST)
     desk.run(0.5)

@@ -63,6 +63,6 @@ def test_names_of_fingers_have_no_axis() -> None:
         ({"link": {**DATA["link"], "attempts": 0}}, "link.attempts"),
     ],
 )
-def test_what_cannot_work_is_refused(changes: dict[str, Any], words: str) -> None:
+def test_invalid_trajectory_server_parameters_are_rejected(changes: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigError, match=words):
         validate(TrajectoryServerParams, {**DATA, **changes}, "test")

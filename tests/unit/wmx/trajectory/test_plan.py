@@ -70,7 +70,7 @@ def test_a_pause_on_the_way_stays_one() -> None:
     assert np.abs(np.diff(spline.positions, axis=0)).max(axis=1).min() > ENGINE_SAME_RAD
 
 
-def test_a_pause_at_the_end_is_no_way() -> None:
+def test_pause_at_end_of_trajectory_is_removed() -> None:
     spline = plan((1.0, (1.0, 0.0)), (2.0, (1.0, 0.0)), (3.0, (1.0, 0.0)), (4.0, (1.0, 0.0)))
     assert rows(spline) == [(0.0, [0.5, -0.5]), (1.0, [1.0, 0.0])]
 
@@ -84,14 +84,18 @@ def test_a_pause_at_the_end_is_no_way() -> None:
         ((1.0, (0.5 + 5e-7, -0.5)), (2.0, (0.5, -0.5))),
     ],
 )
-def test_already_there_asks_nothing_of_the_engine(waypoints: tuple[tuple[float, tuple[float, float]], ...]) -> None:
+def test_trajectory_at_present_position_needs_no_spline(
+    waypoints: tuple[tuple[float, tuple[float, float]], ...],
+) -> None:
     assert plan(*waypoints) is None
 
 
 @pytest.mark.parametrize(
     "waypoints", [((0.0, (1.0, 0.0)),), ((0.0, (0.5, -0.5)), (0.0005, (1.0, 0.0))), ((1e-6, (1.0, 0.0)),)]
 )
-def test_no_time_for_a_way_is_no_success(waypoints: tuple[tuple[float, tuple[float, float]], ...]) -> None:
+def test_trajectory_without_time_for_motion_is_rejected(
+    waypoints: tuple[tuple[float, tuple[float, float]], ...],
+) -> None:
     with pytest.raises(GoalRefused, match="no time to get") as caught:
         plan(*waypoints)
     assert caught.value.fault.code == GoalCode.INVALID_GOAL
