@@ -15,7 +15,7 @@ def seen(publishers: tuple[str, ...] = (), subscribers: tuple[str, ...] = ()) ->
     return Endpoints(frozenset(publishers), frozenset(subscribers))
 
 
-def test_what_a_row_names_and_the_graph_lacks() -> None:
+def test_missing_publisher_and_subscribers_of_row_are_reported() -> None:
     whole = seen(("swerve_controller",), ("navigation_controller", "ndt_localization"))
     assert lacking(topics.ODOM, whole, NODES) == ()
     assert lacking(topics.ODOM, seen(), NODES) == (
@@ -33,7 +33,7 @@ def test_rows_of_every_node() -> None:
     assert strangers(topics.HEARTBEAT, seen(("anybody",)), NODES) == ()
 
 
-def test_the_one_publisher_for_every_node_need_not_hear_itself_but_must_speak() -> None:
+def test_publisher_for_every_node_must_publish_but_need_not_subscribe() -> None:
     nodes = ("safety_monitor", "swerve_controller")
     assert lacking(topics.SAFETY_STATUS, seen(("safety_monitor",), ("swerve_controller",)), nodes) == ()
     assert lacking(topics.SAFETY_STATUS, seen((), ("swerve_controller",)), nodes) == (
@@ -41,7 +41,7 @@ def test_the_one_publisher_for_every_node_need_not_hear_itself_but_must_speak() 
     )
 
 
-def test_who_has_an_endpoint_only_sometimes_is_not_missed() -> None:
+def test_missing_optional_endpoint_is_not_reported() -> None:
     row = replace(topics.ODOM, sometimes=("ndt_localization",))
     assert lacking(row, seen(("swerve_controller",), ("navigation_controller",)), NODES) == ()
     assert lacking(replace(topics.ODOM, sometimes=(EVERY_NODE,)), seen(), NODES) == ()
@@ -53,7 +53,7 @@ def test_endpoints_that_the_row_does_not_give() -> None:
     assert strangers(topics.ODOM, found, NODES) == ("published by intruder", "subscribed to by swerve_controller")
 
 
-def test_those_who_lack_an_endpoint_sometimes_are_named_by_their_row() -> None:
+def test_optional_endpoints_belong_to_publishers_or_subscribers_of_row() -> None:
     for row in topics.TOPICS:
         assert set(row.sometimes) <= {*row.publishers, *row.subscribers}, row.name
         assert row is topics.CLOCK or EVERY_NODE not in row.sometimes, row.name

@@ -173,7 +173,7 @@ def test_ehmi_states_are_numbered_as_specified() -> None:
 
 
 @pytest.mark.parametrize("path", INTERFACE_FILES, ids=lambda path: path.name)
-def test_every_field_says_what_it_is(path: Path) -> None:
+def test_every_interface_field_has_comment(path: Path) -> None:
     """Each field has a comment with unit, frame and range; constants are explained above their group."""
     lines = [line for line in path.read_text().splitlines() if line and not line.startswith(("#", "---"))]
     fields = [line for line in lines if "=" not in line.split("#")[0]]

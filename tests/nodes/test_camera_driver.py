@@ -108,7 +108,7 @@ def test_faults_change_the_pictures_and_are_answered(front: Heard, peer: Peer) -
     assert "target must be one of 'front', 'rear'" in refused.message
 
 
-def test_it_says_what_it_waits_for(start: Callable[..., NodeProcess], peer: Peer) -> None:
+def test_camera_driver_reports_awaited_topic(start: Callable[..., NodeProcess], peer: Peer) -> None:
     process = start("camera_driver", "-p", "world:=flat")
     process.wait_output("waiting for /sim/bodies", 60.0)
     process.stop()

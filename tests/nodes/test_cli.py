@@ -181,7 +181,7 @@ def test_estop_is_confirmed(safety: FakeSafety) -> None:
     assert True in safety.requests
 
 
-def test_estop_that_nobody_confirms_is_an_error_but_sent(safety: FakeSafety) -> None:
+def test_unconfirmed_estop_is_sent_and_returns_error(safety: FakeSafety) -> None:
     safety.obeys = False
     done = cli("estop", "--timeout", "2")
     assert done.returncode == 1
@@ -193,7 +193,7 @@ def test_estop_without_anybody(ros_domain: int) -> None:
     assert cli("estop", "--timeout", "1").returncode == 1
 
 
-def test_reset_sends_false_and_then_asks(safety: FakeSafety) -> None:
+def test_reset_sends_false_then_releases_emergency_stop(safety: FakeSafety) -> None:
     safety.active = True
     done = cli("reset")
     assert done.returncode == 0, done.stderr
@@ -235,7 +235,7 @@ def test_a_source_that_cannot_be_cleared_ends_the_reset(safety: FakeSafety) -> N
     assert safety.active
 
 
-def test_a_refusal_for_a_source_that_is_gone_tells_how_to_clear_it(safety: FakeSafety) -> None:
+def test_reset_rejected_for_gone_source_reports_clear_command(safety: FakeSafety) -> None:
     safety.refusals = ["refused: ESTOP_PRESSED: pressed by touch_ui (gone)"] * 100
     done = cli("reset")
     assert done.returncode == 1
@@ -286,7 +286,7 @@ def test_mission_start(missions: FakeMissions) -> None:
     assert missions.commands == [("START_MISSION", "yard_tour")]
 
 
-def test_refused_mission_tells_why(missions: FakeMissions) -> None:
+def test_rejected_mission_start_reports_reason(missions: FakeMissions) -> None:
     done = cli("mission", "start", "nowhere")
     assert done.returncode == 1
     assert done.stderr == "error: START_MISSION was refused: there is no such mission\n"
@@ -325,7 +325,7 @@ def test_docking_status(peer: Peer) -> None:
     assert done.stdout == "SERVOING, 123.4 mm, -0.57 deg, 4 markers, 0%\n"
 
 
-def test_docking_status_tells_each_state_and_a_silence(peer: Peer, start: Callable[..., Any]) -> None:
+def test_docking_status_prints_each_state_and_missing_messages(peer: Peer, start: Callable[..., Any]) -> None:
     status = DockingStatus(state="SEARCH", visible_markers_count=1)
     peer.repeat(topics.DOCKING_STATUS, lambda: status, 10.0)
     watching = start(command=[sys.executable, "-m", "robot_stack.cli", "docking", "status"])
@@ -400,7 +400,7 @@ def measure(profile: str) -> tuple[int, dict[str, dict[str, Any]], list[str]]:
     return done.returncode, {entry["name"]: entry for entry in result["topics"]}, result["unknown"]
 
 
-def test_topics_names_what_is_missing_and_what_is_right(controller: Peer, drive_profile: str) -> None:
+def test_topics_command_reports_missing_and_present_publishers(controller: Peer, drive_profile: str) -> None:
     controller.repeat(topics.ODOM, Odometry, 50.0)
     code, found, unknown = measure(drive_profile)
     assert code == 1

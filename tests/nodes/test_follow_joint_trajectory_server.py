@@ -223,7 +223,7 @@ def test_a_trajectory_is_followed_and_reported(rig: Rig) -> None:
     assert rig.engine.device.io.GetOutBit(0, 0) == (0, 0)
 
 
-def test_goals_that_cannot_be_followed_say_why(rig: Rig) -> None:
+def test_infeasible_goals_are_rejected_with_reason(rig: Rig) -> None:
     rig.up("-p", "start.max_velocity_radps:=[2.0,2.0,2.0,2.0,2.0,2.0]")
 
     def refused(message: Any, code: int, words: str) -> None:
@@ -503,7 +503,7 @@ def test_a_server_that_hangs_leaves_its_trajectory_to_the_engine(rig: Rig) -> No
     assert sent.result()[0] in (STATUS_SUCCEEDED, STATUS_ABORTED)
 
 
-def test_a_trajectory_whose_server_was_killed_is_stopped_by_the_next_one(rig: Rig) -> None:
+def test_restarted_server_stops_trajectory_of_killed_server(rig: Rig) -> None:
     rig.up()
     rig.send((30.0, FAR))
     rig.wait_moving(0.02)

@@ -194,7 +194,7 @@ def test_a_lost_bus_is_silence_and_its_return_leaves_the_servos_off(
     node.wait_health("")
 
 
-def test_a_bus_that_somebody_stops_is_left_alone(start: Start, peer: Peer, engine: TestEngine) -> None:
+def test_bus_stopped_by_other_device_is_not_restarted(start: Start, peer: Peer, engine: TestEngine) -> None:
     engine.run()
     node = Manipulator(start, peer)
     node.wait_up()
@@ -206,7 +206,7 @@ def test_a_bus_that_somebody_stops_is_left_alone(start: Start, peer: Peer, engin
     node.wait_news()
 
 
-def test_an_alarm_is_told_and_left_to_the_operator(start: Start, peer: Peer, engine: TestEngine) -> None:
+def test_alarm_is_reported_and_not_cleared(start: Start, peer: Peer, engine: TestEngine) -> None:
     engine.run()
     node = Manipulator(start, peer)
     node.wait_up()

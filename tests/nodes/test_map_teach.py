@@ -113,7 +113,7 @@ def run(*arguments: str) -> subprocess.CompletedProcess[str]:
     )
 
 
-def test_what_is_taught_is_what_is_built_from_its_recording(teaching, messages, tmp_path):
+def test_taught_map_equals_map_built_from_recording(teaching, messages, tmp_path):
     teaching.drive(messages)
     wait_for(lambda: teaching.sweeps() >= site.params().sweeps.fewest, "the map grows")
     node = teaching.node
@@ -135,7 +135,7 @@ def test_what_is_taught_is_what_is_built_from_its_recording(teaching, messages, 
     assert load_map(str(tmp_path / "room")).about == taught.about
 
 
-def test_a_ride_that_is_ended_otherwise_says_how_its_map_is_built(teaching, messages):
+def test_terminated_teaching_prints_map_build_command(teaching, messages):
     """For example if the computer shuts down, or the operator postpones the building."""
     teaching.drive(messages[: len(messages) // 2])
     wait_for(lambda: teaching.sweeps() >= site.params().sweeps.fewest, "the map grows")
@@ -172,7 +172,7 @@ def refusal(*arguments: str) -> str:
     return done.stderr
 
 
-def test_wrong_use_is_one_line(ros_domain, own_config, tmp_path):
+def test_invalid_map_teach_arguments_are_reported(ros_domain, own_config, tmp_path):
     (tmp_path / "taken").mkdir()
     assert "exists already" in refusal("--name", "taken", "--output", str(tmp_path))
     assert "letters, digits" in refusal("--name", "../up", "--output", str(tmp_path))

@@ -75,7 +75,7 @@ def test_without_a_docking_controller(verb, ros_domain):
     assert alone.output().splitlines() == ["error: no docking_controller offers /docking/dock: is it running?"]
 
 
-def test_an_unknown_dock_asks_nobody(verb, ros_domain):
+def test_unknown_dock_is_reported_with_known_docks(verb, ros_domain):
     unknown = verb("dock", "chair_9")
     assert unknown.wait() == 1
     assert unknown.output().splitlines() == ["error: there is no dock 'chair_9'; known: chair_1, charger"]

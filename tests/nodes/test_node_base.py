@@ -51,7 +51,7 @@ def test_diagnostics_name_inputs_and_loops(start: Start, peer: Peer) -> None:
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_lets_the_safe_output_out(start: Start, peer: Peer, number: signal.Signals) -> None:
+def test_signal_publishes_safe_output_before_exit(start: Start, peer: Peer, number: signal.Signals) -> None:
     heard = peer.listen(topics.CMD_VEL)
     process = example(start)
     heard.wait(lambda message: message.linear.x == 1.0, "driving commands")
@@ -60,7 +60,7 @@ def test_a_signal_lets_the_safe_output_out(start: Start, peer: Peer, number: sig
     heard.wait(lambda message: message.linear.x == 0.0, "the safe output")
 
 
-def test_an_exception_lets_the_safe_output_out_and_says_what_happened(start: Start, peer: Peer) -> None:
+def test_exception_publishes_safe_output_and_prints_error(start: Start, peer: Peer) -> None:
     heard = peer.listen(topics.CMD_VEL)
     process = example(start, "--crash-after", "20")
     assert process.wait() == 1

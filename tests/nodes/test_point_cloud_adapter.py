@@ -77,7 +77,7 @@ def says(diagnostics: Heard, name: str, text: str) -> dict[str, str]:
 
 
 @pytest.mark.parametrize("name", ADAPTERS)
-def test_a_vendors_cloud_becomes_the_contracts_and_silence_is_told(
+def test_vendor_cloud_is_converted_and_silence_is_reported(
     start: Callable[..., NodeProcess], peer: Peer, name: str
 ) -> None:
     vendor_row, row, frame, vendor = ADAPTERS[name]
@@ -111,7 +111,7 @@ def test_a_vendors_cloud_becomes_the_contracts_and_silence_is_told(
     wait_for(lambda: len(sweeps.items) >= count + 3, "sweeps again")
 
 
-def test_what_is_refused_is_told_by_name_and_counted(start: Callable[..., NodeProcess], peer: Peer) -> None:
+def test_rejected_clouds_are_reported_with_reason_and_counted(start: Callable[..., NodeProcess], peer: Peer) -> None:
     sweeps, diagnostics = peer.listen(topics.LIDAR_POINTS), peer.listen(topics.DIAGNOSTICS)
     driver = VendorDriver(peer, "point_cloud_adapter", SEEN)
     driver.changes = {"is_bigendian": True}

@@ -66,7 +66,7 @@ def test_a_wrong_parameter_ends_the_start_with_one_line(start: Start, name: str,
     assert complaint in error
 
 
-def test_safety_monitor_starts_and_its_last_word_is_a_standstill(start: Start, peer: Peer) -> None:
+def test_safety_monitor_starts_and_publishes_standstill_on_exit(start: Start, peer: Peer) -> None:
     """With an empty list, which ROS passes as no value, as `robot-stack up --only` sends it."""
     status, limit = peer.listen(topics.SAFETY_STATUS), peer.listen(topics.VELOCITY_LIMIT)
     monitor = start("safety_monitor", "-p", "rows:=[ESTOP_PRESSED]", "-p", "expected_processes:=[]")
@@ -226,7 +226,7 @@ def test_markers_of_an_image_come_over_dds(start: Start, peer: Peer) -> None:
     leaves(node)
 
 
-def test_a_whole_costmap_goes_through_over_dds(start: Start, peer: Peer) -> None:
+def test_full_costmap_is_transmitted_over_dds(start: Start, peer: Peer) -> None:
     node, clock = start("costmap_server"), peer.node.get_clock()
 
     def space() -> OccupancyGrid:

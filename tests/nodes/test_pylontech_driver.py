@@ -122,7 +122,7 @@ def test_silence_nonsense_and_a_pulled_cable(start: Callable[..., NodeProcess], 
     states.wait(lambda message: message.percentage == pytest.approx(0.74), "a reading")
 
 
-def test_a_bus_that_is_not_there_is_told(start: Callable[..., NodeProcess], peer: Peer) -> None:
+def test_missing_can_bus_is_reported(start: Callable[..., NodeProcess], peer: Peer) -> None:
     diagnostics = peer.listen(topics.DIAGNOSTICS)
     start(NAME, "-p", "can.channel:=can99")
     assert "can99" in says(diagnostics, NAME, "can99")["device"]

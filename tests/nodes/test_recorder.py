@@ -117,7 +117,7 @@ def recorded(folder: Path) -> tuple[list[str], list[float]]:
     return names, positions
 
 
-def test_what_was_sent_is_what_is_read(studio):
+def test_recorded_messages_equal_sent_messages(studio):
     node = studio.launch()
     studio.wait_ready()
     before_ns = time.time_ns()
@@ -289,7 +289,7 @@ def test_a_killed_recorder_is_completed_by_the_next(studio):
     assert len(names) > 50, "1.5 s were sent, half a second may be lost"
 
 
-def test_a_disk_without_room_is_told_and_the_node_lives_on(studio):
+def test_full_disk_is_reported_and_recorder_keeps_running(studio):
     node = studio.launch("compression:=none")
     studio.wait_ready()
     path = studio.output / "ride" / "ride_0.mcap"

@@ -124,7 +124,7 @@ def test_faults_are_answered(world: NodeProcess, peer: Peer) -> None:
     assert inject(peer, "clear").message == "cleared imu_silent"
 
 
-def test_a_silent_imu_is_silent_and_its_driver_says_so(world: NodeProcess, peer: Peer) -> None:
+def test_silent_imu_publishes_nothing_and_driver_reports_it(world: NodeProcess, peer: Peer) -> None:
     imu, diagnostics = peer.listen(topics.IMU), peer.listen(topics.DIAGNOSTICS)
     imu.wait(lambda message: True, "samples")
     assert inject(peer, "imu_silent").success
@@ -146,7 +146,7 @@ def test_pace_is_shown_in_diagnostics(world: NodeProcess, peer: Peer) -> None:
     assert {"overruns", "dropped_s", "worst_lag_ms"} <= values(seen).keys()
 
 
-def test_simulated_time_goes_on_in_its_own_steps_at_other_speeds(start: Callable[..., NodeProcess], peer: Peer) -> None:
+def test_simulated_clock_keeps_its_step_at_other_speeds(start: Callable[..., NodeProcess], peer: Peer) -> None:
     start("sim_world", *option(world="flat"), *option(speed=3.0), *option(use_sim_time=True))
     clock, truth = peer.listen(topics.CLOCK), peer.listen(topics.SIM_GROUND_TRUTH)
     wait_for(lambda: len(clock.items) > 500, "five seconds of simulated time")

@@ -171,7 +171,7 @@ def test_up_returns_when_all_are_ready_and_down_leaves_nothing(running: Stack) -
     assert running.command("down").stdout.startswith("no stack is running")
 
 
-def test_up_ends_with_an_emergency_that_is_latched_from_before_and_what_releases_it(stack: Stack) -> None:
+def test_up_reports_emergency_stop_latched_earlier_and_release_command(stack: Stack) -> None:
     state_shadow_dir().mkdir(parents=True)
     (state_shadow_dir() / LATCH_FILE).write_bytes(encode(Record(1, Memory(("ESTOP_PRESSED",), passenger=False))))
     stack.write_profile(processes=["safety_monitor"])
@@ -239,7 +239,7 @@ def test_crash_is_restarted_with_backoff_and_others_stay(running: Stack) -> None
     assert running.entry("other")["pid"] == before["other"]
 
 
-def test_too_many_crashes_are_given_up_until_an_operator_asks(running: Stack) -> None:
+def test_restarts_end_after_too_many_crashes_until_manual_restart(running: Stack) -> None:
     running.order("other", "crash")
     failed = running.wait_entry("other", lambda item: item["state"] == "failed", "to be given up")
     assert failed["restarts"] == 3
@@ -251,7 +251,7 @@ def test_too_many_crashes_are_given_up_until_an_operator_asks(running: Stack) ->
     running.wait_entry("other", lambda item: item["state"] == "ready", "to run again")
 
 
-def test_hang_is_noticed_and_restarted(running: Stack) -> None:
+def test_hung_process_is_detected_and_restarted(running: Stack) -> None:
     pid = running.entry("spare")["pid"]
     running.order("spare", "hang")
     hung = running.wait_entry("spare", lambda item: item["state"] == "hung", "to be found hung")
@@ -291,7 +291,7 @@ def test_refused_configuration_is_not_tried_again(stack: Stack) -> None:
     assert stack.entry("spare")["restarts"] == 0
 
 
-def test_up_names_what_is_missing_and_the_stack_goes_on(stack: Stack) -> None:
+def test_up_reports_waiting_process_and_stack_keeps_running(stack: Stack) -> None:
     stack.order("other", "waiting")
     done = stack.up("--deadline", "15")
     assert done.returncode == 1
@@ -360,7 +360,7 @@ def test_killed_forkserver_costs_a_restart_not_the_stack(running: Stack) -> None
     assert not _alive(before)
 
 
-def test_what_a_killed_supervisor_left_is_ended_by_the_next(running: Stack) -> None:
+def test_next_supervisor_ends_process_left_by_killed_supervisor(running: Stack) -> None:
     """A process that hangs while its supervisor dies cannot end by itself."""
     pid = running.entry("other")["pid"]
     siblings = [running.entry(name)["pid"] for name in ("steady", "spare")]
@@ -479,7 +479,7 @@ class TestEmergencyStop:
         assert done.returncode == 0, done.stderr
         assert safety.active
 
-    def test_latched_stop_is_let_go_when_somebody_else_releases(
+    def test_latched_stop_is_released_after_external_release(
         self, running: Stack, safety: FakeSafety, peer: Peer
     ) -> None:
         """Otherwise the supervisor's latched true would stop a node that starts later."""

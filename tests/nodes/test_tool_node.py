@@ -17,7 +17,7 @@ from tests.support.waiting import wait_for
 ROW = topics.EMERGENCY_STOP
 
 
-def test_what_a_thread_still_uses_is_not_destroyed(
+def test_node_used_by_running_thread_is_not_destroyed(
     ros_domain: int, peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tool_node, "_JOIN_S", 0.2)

@@ -115,7 +115,7 @@ def test_every_command_of_a_rider(screen: TouchScreen, rider: WebPage) -> None:
     rider.wait("staff", "called", True)
 
 
-def test_staff_clear_a_stop_that_nobody_can_release(screen: TouchScreen, rider: WebPage, peer: Peer) -> None:
+def test_staff_can_clear_stop_of_gone_source(screen: TouchScreen, rider: WebPage, peer: Peer) -> None:
     safety = FakeSafety(peer)
     rider.wait("safety", "emergency", False)
     assert rider.ask("clear_stop", source="panel")["why"] == "answer.needs_staff"
@@ -156,7 +156,7 @@ def test_a_finger_drives_and_a_page_that_vanishes_stops(screen: TouchScreen) -> 
     screen.teleop.wait(lambda message: message.twist.linear.x == 0.0, "standstill")
 
 
-def test_what_pages_show(screen: TouchScreen, rider: WebPage, peer: Peer) -> None:
+def test_page_receives_state_updates_and_only_changes(screen: TouchScreen, rider: WebPage, peer: Peer) -> None:
     rider.wait("stand", "reasons", ["NO_SAFETY"])
     safety = SafetyStatus(safety_state="DEGRADED", active_faults=["BATTERY_LOW"], min_obstacle_distance=2.0)
     peer.repeat(topics.SAFETY_STATUS, lambda: safety, 10.0)
@@ -336,7 +336,7 @@ def test_the_longest_mission_fits_and_only_from_staff(staff: WebPage, rider: Web
     assert rider.ask("mission_delete", mission="tour", revision="")["why"] == "answer.needs_staff"
 
 
-def test_a_full_disk_is_told(staff: WebPage, tmp_path: Path) -> None:
+def test_mission_that_cannot_be_saved_is_reported(staff: WebPage, tmp_path: Path) -> None:
     (tmp_path / "data").write_text("no folder can be made here")
     answer = saved(staff)
     assert answer["why"] == "answer.mission_not_saved"
@@ -463,7 +463,7 @@ def test_too_many_pages(screen: TouchScreen) -> None:
         (("-p", "pages.map:='nowhere'"), "no map 'nowhere'"),
     ],
 )
-def test_what_cannot_be_served_safely_is_refused(start: Start, arguments: tuple[str, ...], said: str) -> None:
+def test_unsafe_server_configuration_is_rejected(start: Start, arguments: tuple[str, ...], said: str) -> None:
     process = start("touch_ui", *arguments)
     assert process.wait() == 2
     errors = [line for line in process.output().splitlines() if line.startswith("error:")]
@@ -483,7 +483,7 @@ def test_a_port_that_is_taken_is_refused(
     assert "cannot be served" in second.output()
 
 
-def test_the_address_is_told_while_it_is_served(screen: TouchScreen) -> None:
+def test_touch_screen_url_is_available_while_served(screen: TouchScreen) -> None:
     assert touch_screen_url() == f"http://127.0.0.1:{screen.port}/"
     screen.process.signal(signal.SIGTERM)
     assert screen.process.wait() == 0

@@ -67,7 +67,7 @@ def test_an_emergency_stop_that_was_lost_is_repeated_at_once(start: Callable[...
 
 
 @pytest.mark.parametrize(("name", "shared"), [("swerve_controller", False), ("perception_pipeline", True)])
-def test_only_who_takes_clouds_has_shared_memory(
+def test_only_processes_with_clouds_use_shared_memory(
     start: Callable[..., NodeProcess], peer: Peer, name: str, shared: bool
 ) -> None:
     """A process with shared memory stalls when another program starts, so processes that stop the wheels use none."""

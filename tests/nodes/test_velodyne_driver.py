@@ -83,7 +83,7 @@ def test_packets_of_others_are_not_taken(start: Callable[..., NodeProcess], peer
     assert not sweeps.items
 
 
-def test_an_address_that_is_not_this_computers_is_one_clear_line(start: Callable[..., NodeProcess]) -> None:
+def test_foreign_bind_address_is_reported(start: Callable[..., NodeProcess]) -> None:
     process = start(NAME, "-p", "bind_address:=192.0.2.1")
     assert process.wait() == 2
     assert "192.0.2.1 port 2368: Cannot assign requested address" in process.output()

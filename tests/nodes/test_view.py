@@ -153,7 +153,7 @@ def test_channels_carry_the_contract_and_schemas_that_others_can_read(viewer: Ca
     assert channels[MODEL]["schemaName"] == "foxglove.SceneUpdate"
 
 
-def test_bytes_arrive_as_they_were_sent_and_only_while_somebody_looks(peer: Peer, viewer: Callable[[], Viewer]) -> None:
+def test_messages_arrive_unchanged_and_only_while_watched(peer: Peer, viewer: Callable[[], Viewer]) -> None:
     row = topics.ODOM
     one = viewer()
     peer.publisher(row)
@@ -171,7 +171,7 @@ def test_bytes_arrive_as_they_were_sent_and_only_while_somebody_looks(peer: Peer
     wait_for(lambda: subscribers(peer, row) == 0, "the subscription's end")
 
 
-def test_images_pass_whole(peer: Peer, viewer: Callable[[], Viewer]) -> None:
+def test_images_are_transmitted_unchanged(peer: Peer, viewer: Callable[[], Viewer]) -> None:
     row = topics.FRONT_IMAGE
     data = random.Random(1).randbytes(1280 * 720)
     image = bytes(serialize_message(Image(height=720, width=1280, encoding="mono8", step=1280, data=data)))
@@ -183,7 +183,7 @@ def test_images_pass_whole(peer: Peer, viewer: Callable[[], Viewer]) -> None:
     assert one.heard(row.name)[0] == image
 
 
-def test_second_viewer_hears_what_was_latched_and_outlives_the_first(peer: Peer, viewer: Callable[[], Viewer]) -> None:
+def test_second_viewer_receives_latched_message_and_stays_subscribed(peer: Peer, viewer: Callable[[], Viewer]) -> None:
     row = topics.PASSENGER_ATTACHED
     peer.publish(row, YES)
     one, two = viewer(), viewer()
@@ -291,7 +291,7 @@ def raw_requests(port: int) -> None:
             link.sendall(request)
 
 
-def test_ctrl_c_ends_it_while_nobody_looks(view: NodeProcess) -> None:
+def test_interrupt_ends_view_without_viewers(view: NodeProcess) -> None:
     view.signal(signal.SIGINT)
     assert view.wait() == 0
 
@@ -303,7 +303,7 @@ def test_sigterm_ends_it_under_a_viewer(peer: Peer, view: NodeProcess, viewer: C
     assert view.wait() == 0
 
 
-def test_a_taken_port_is_told(view: NodeProcess, start: Callable[..., NodeProcess]) -> None:
+def test_occupied_port_is_reported(view: NodeProcess, start: Callable[..., NodeProcess]) -> None:
     port = port_of(view)
     second = start("second", command=[*COMMAND, "--port", str(port)])
     assert second.wait() == 1

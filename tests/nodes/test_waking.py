@@ -92,7 +92,7 @@ def test_a_stop_wakes_a_node_and_a_command_waits_for_its_tick(ros_domain: int, p
         assert max(node.taken) > 0.01
 
 
-def test_what_is_urgent_brings_along_what_has_arrived_before(ros_domain: int, peer: Peer) -> None:
+def test_urgent_message_wakes_node_for_earlier_messages(ros_domain: int, peer: Peer) -> None:
     with running() as node:
         peer.wait_matched(topics.CMD_VEL)
         peer.wait_matched(topics.EMERGENCY_STOP)

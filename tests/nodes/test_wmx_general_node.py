@@ -132,7 +132,7 @@ def at_rest(*axes: int) -> Callable[[StatusSnapshot], bool]:
 # --- start and state ----------------------------------------------------------------------------------------------
 
 
-def test_every_interface_from_the_start_and_state_once_there_is_one(bench: Bench) -> None:
+def test_all_interfaces_exist_without_engine_and_state_once_engine_runs(bench: Bench) -> None:
     bench.start_node("-p", "communication_timeout_s:=0.5")  # no engine yet
     bench.node.wait_output("attempt 5 of 5")
     rows = {row.name: [row.type] for row in SERVICES}

@@ -112,7 +112,7 @@ def test_samples_silence_and_a_pulled_cable(start: Callable[..., NodeProcess], p
     assert int(says(diagnostics, "xsens_driver", "samples arrive")["opened"].split()[0]) >= 2
 
 
-def test_wrong_outputs_are_told_by_name(start: Callable[..., NodeProcess], peer: Peer, device: Device) -> None:
+def test_missing_unit_outputs_are_reported(start: Callable[..., NodeProcess], peer: Peer, device: Device) -> None:
     samples, diagnostics = peer.listen(topics.IMU), peer.listen(topics.DIAGNOSTICS)
     device.send = False
     device.plug()

@@ -113,6 +113,6 @@ def test_the_build_uses_it(entry: str) -> None:
     assert called(name) or re.search(rf"\b{package}\b", build_files())
 
 
-def test_the_list_of_what_nobody_imports_names_only_what_is_declared() -> None:
+def test_list_of_unimported_dependencies_contains_only_declared_ones() -> None:
     declared = {name_of(entry) for entry in (*RUN, *GROUPS["dev"], *GROUPS["build"])}
     assert set(CALLED) <= declared

@@ -35,7 +35,7 @@ NOTHING = {resource.RLIMIT_RTPRIO: 0, resource.RLIMIT_NICE: 0, resource.RLIMIT_M
 EVERYTHING = {resource.RLIMIT_RTPRIO: 5, resource.RLIMIT_NICE: 35, resource.RLIMIT_MEMLOCK: resource.RLIM_INFINITY}
 
 
-def test_an_ordinary_user_is_told_what_is_missing_and_what_it_is_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_rights_of_ordinary_user_are_reported_with_advice(monkeypatch: pytest.MonkeyPatch) -> None:
     allow(monkeypatch, NOTHING)
     found = list(checks.rights())
     assert [finding.what.partition(":")[0] for finding in found] == [
@@ -50,7 +50,7 @@ def test_an_ordinary_user_is_told_what_is_missing_and_what_it_is_for(monkeypatch
 
 
 @pytest.mark.parametrize(("limits", "capabilities"), [(EVERYTHING, 0), (NOTHING, 1 << 14 | 1 << 23)])
-def test_whoever_has_the_limits_or_the_capabilities_misses_nothing(
+def test_sufficient_limits_or_capabilities_are_reported_ok(
     monkeypatch: pytest.MonkeyPatch, limits: dict[int, int], capabilities: int
 ) -> None:
     allow(monkeypatch, limits, capabilities)
@@ -63,7 +63,7 @@ def test_each_limit_counts_for_itself(monkeypatch: pytest.MonkeyPatch, limit: in
     assert len([right for right in rights(load_params()) if not right.granted]) == 1
 
 
-def test_what_is_granted_is_what_the_configuration_asks_for() -> None:
+def test_granted_rights_match_configuration() -> None:
     shown = grant("--print", "--root", "/nowhere", "@operators")
     assert shown.stdout.splitlines()[1:] == lines("@operators")
 
@@ -97,7 +97,7 @@ def test_granting_twice_is_granting_once_and_can_be_undone(tmp_path: Path) -> No
         ("@no_such_group_here", "there is no @no_such_group_here"),
     ],
 )
-def test_nobody_is_refused(who: str, said: str) -> None:
+def test_grant_rejects_invalid_or_unknown_user(who: str, said: str) -> None:
     done = grant("--print", who)
     assert done.returncode == 2
     assert said in done.stderr

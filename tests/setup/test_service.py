@@ -26,7 +26,7 @@ def test_the_unit_is_understood() -> None:
 
 
 @needs_systemd
-def test_the_service_gets_only_what_it_needs() -> None:
+def test_service_has_low_security_exposure() -> None:
     """For comparison: a unit without any hardening has an exposure of 9.2 of 10."""
     command = ["systemd-analyze", "security", "--offline=true", "--no-pager", str(UNIT)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -80,7 +80,7 @@ def test_a_mission_is_made_started_and_offered_to_riders(editor: Any, robot: Sta
     editor.wait_for_selector('[data-mission="garden_tour"]')
 
 
-def test_what_is_wrong_is_shown_at_its_field(editor: Any, own: Path) -> None:
+def test_editor_errors_are_shown_at_their_field(editor: Any, own: Path) -> None:
     compose(editor)
     save(editor)
     editor.click('[data-file="garden_tour"] [data-act="open"]')

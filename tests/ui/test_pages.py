@@ -46,7 +46,7 @@ def test_a_ride_from_the_first_touch_to_the_end(page: Any, robot: StandInRobot) 
     page.wait_for_selector('[data-end="COMPLETED"]')
 
 
-def test_ending_a_ride_asks_first(page: Any, robot: StandInRobot) -> None:
+def test_ending_ride_requires_confirmation(page: Any, robot: StandInRobot) -> None:
     robot.say_ride(state="RUNNING", mission_id="yard_tour", current_waypoint="gate")
     page.click("#abort")
     page.click("#abort-yes")
@@ -96,7 +96,7 @@ def test_the_stop_is_on_every_page_and_reset_takes_the_pin(page: Any, robot: Sta
     page.wait_for_selector("#reset", state="detached")
 
 
-def test_only_a_press_that_nobody_can_release_can_be_cleared(page: Any, robot: StandInRobot) -> None:
+def test_only_stop_of_gone_or_unknown_source_can_be_cleared(page: Any, robot: StandInRobot) -> None:
     robot.stop_sources = {"ui": Presence.THERE, "panel": Presence.GONE, "unknown": Presence.UNKNOWN}
     robot.emergency = True
     unlock(page)
@@ -270,7 +270,7 @@ def test_the_external_display_is_shown_as_it_has_confirmed(page: Any, robot: Sta
     until(page, "document.querySelector('#display-link').textContent.includes('No report on')")
 
 
-def test_diagnostics_and_faults_say_what_to_do(page: Any, robot: StandInRobot) -> None:
+def test_fault_page_shows_advice_and_diagnostics_page_shows_stale_topic(page: Any, robot: StandInRobot) -> None:
     unlock(page)
     robot.faults = ["LIDAR_TIMEOUT"]
     robot.say_limit(0.0, "LIDAR_TIMEOUT")

@@ -92,7 +92,7 @@ def test_a_pressed_button_contradicts_every_release(bench: Bench) -> None:
     assert not button.values()[-1]
 
 
-def test_an_engine_that_is_not_there_yet_is_no_press(bench: Bench) -> None:
+def test_missing_engine_is_not_reported_as_button_press(bench: Bench) -> None:
     button = Button(bench).wait_health("waiting for the engine's inputs")
     bench.run(5.0)
     bench.engine.run().up()

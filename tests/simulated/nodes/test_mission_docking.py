@@ -108,7 +108,7 @@ def test_goal_with_a_lost_answer_is_tracked_by_its_status(world):
     world.state("RUNNING", "there")
 
 
-def test_a_goal_whose_answer_is_lost_can_be_cancelled(world):
+def test_docking_goal_with_lost_answer_is_cancelled(world):
     docking = world.serve()
     docking.hangs, docking.loses_answers, docking.steps = True, True, ()
     world.launch(docking_wait_s=1.5)
@@ -215,7 +215,7 @@ def test_a_docking_controller_that_hangs_is_missed(world):
     assert 2.9 <= world.bench.now_s - hung_s <= 3.6
 
 
-def test_a_docking_controller_that_is_killed_and_back_at_once_does_not_know_the_goal(world):
+def test_docking_controller_restarted_during_docking_fails_mission(world):
     docking = world.serve()
     docking.hangs = True
     world.launch(docking_silence_s=30.0)
