@@ -96,7 +96,7 @@ def test_ride_without_a_plan_has_no_tracking_error() -> None:
 
 
 def test_ride_without_samples_is_refused() -> None:
-    with pytest.raises(ValueError, match="nothing was noted"):
+    with pytest.raises(ValueError, match="recorded no data"):
         figures(Ride(), Pose2(0.0, 0.0, 0.0))
 
 

@@ -119,7 +119,7 @@ def test_a_robot_that_never_stands_has_no_stop() -> None:
 
 
 def test_nothing_noted_is_an_error() -> None:
-    with pytest.raises(ValueError, match="nothing was noted"):
+    with pytest.raises(ValueError, match="recorded no data"):
         motion_figures(RunLog(), None)
 
 

@@ -218,14 +218,18 @@ def test_overhead_lidar_sees_the_path_ahead_of_the_chair() -> None:
     yard = Yard(chair=True, mixed=0.3).run(6.5, Twist2(0.3, 0.0, 0.0))
     for twist in (Twist2(1.0, 0.0, 0.0), Twist2(-1.0, 0.0, 0.0), Twist2(0.0, 0.0, 0.5)):
         found = verdict(yard, twist)
-        assert (found.limit.linear_mps, found.reason, found.faults) == (1.0, "PASSENGER_ONBOARD", ())
+        assert (found.limit.linear_mps, found.limit.codes, found.faults) == (1.0, ("PASSENGER_ONBOARD",), ())
 
 
 def test_without_overhead_lidar_the_path_ahead_is_unseen_and_the_path_behind_is_seen() -> None:
     yard = Yard(chair=True, overhead=False).run(8.0, Twist2(0.3, 0.0, 0.0))
     ahead, back = (verdict(yard, Twist2(speed, 0.0, 0.0)) for speed in (0.5, -0.5))
-    assert (ahead.limit.linear_mps, ahead.reason, ahead.faults) == (0.0, "WAY_UNSEEN", ())  # ground there was not seen
-    assert (back.limit.linear_mps, back.reason) == (1.0, "PASSENGER_ONBOARD")
+    assert (ahead.limit.linear_mps, ahead.limit.codes, ahead.faults) == (
+        0.0,
+        ("WAY_UNSEEN",),
+        (),
+    )  # ground there was not seen
+    assert (back.limit.linear_mps, back.limit.codes) == (1.0, ("PASSENGER_ONBOARD",))
 
 
 @pytest.mark.parametrize("from_y_m", [-2.5, 2.5])
@@ -275,6 +279,6 @@ def test_start_is_slow_until_the_path_is_seen() -> None:
     yard = Yard().run(0.3)
     ahead = Twist2(1.0, 0.0, 0.0)
     begin = verdict(yard, ahead)
-    assert (begin.limit.linear_mps, begin.reason, begin.faults) == (pytest.approx(0.3), "WAY_UNSEEN", ())
+    assert (begin.limit.linear_mps, begin.limit.codes, begin.faults) == (pytest.approx(0.3), ("WAY_UNSEEN",), ())
     yard.run(4.0, Twist2(0.3, 0.0, 0.0))
-    assert (verdict(yard, ahead).limit.linear_mps, verdict(yard, ahead).reason) == (1.5, "")
+    assert (verdict(yard, ahead).limit.linear_mps, verdict(yard, ahead).limit.codes) == (1.5, ())

@@ -456,7 +456,7 @@ def test_delay_within_motion_command_stops_wheels(story: Story, monkeypatch: pyt
         return start(engine, count, commands)
 
     monkeypatch.setattr(FakeEngine, "StartVel_TimedVel", hang)
-    assert story.session.follow(WheelPair(3.1, 4.1), story.now_s).problem.startswith("held up")
+    assert story.session.follow(WheelPair(3.1, 4.1), story.now_s).problem.startswith("delayed")
     assert story.asked() == ["StartVel_TimedVel", "ExecQuickStop"]
 
 
