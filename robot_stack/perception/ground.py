@@ -285,10 +285,7 @@ def _ask_neighbours(
             continue
         if upper[other] - lower[other] > np.float32(0.5) * (upper[s] - lower[s]):
             continue
-        high, deep = upper[other] + rise, lower[other] - rise
-        if deep <= upper[s] and high >= lower[s]:
-            upper[s], lower[s] = min(upper[s], high), max(lower[s], deep)
-            firm[s] = min(max(firm[s], firm[other] - rise), upper[s])
+        _narrow(s, upper, lower, firm, upper[other] + rise, lower[other] - rise, firm[other] - rise)
 
 
 @numba.njit(cache=True, error_model="numpy")
@@ -308,6 +305,12 @@ def _ask_both_sides(s: int, sectors: int, upper: Float, lower: Float, firm: Floa
                 break
         else:
             return
+    _narrow(s, upper, lower, firm, high, deep, base)
+
+
+@numba.njit(cache=True, error_model="numpy")
+def _narrow(s: int, upper: Float, lower: Float, firm: Float, high: Any, deep: Any, base: Any) -> None:
+    """Narrows a cone to bounds of its upper, lower and firm height, unless these contradict it."""
     if deep <= upper[s] and high >= lower[s]:
         upper[s], lower[s] = min(upper[s], high), max(lower[s], deep)
         firm[s] = min(max(firm[s], base), upper[s])

@@ -178,15 +178,16 @@ class OutputParams(Config):
 class MovingObjectParams(Config):
     """Tracking of moving objects: returns in places that were free before, tracked from view to view of one sensor.
 
-    A return is new if its place was free ``new_s`` ago, and no older obstacle is within ``apart_m``.
-    Returns within ``link_m`` of each other are one object, if they are at least ``points_min`` and no more than
-    ``widest_m`` apart; one with less than the share ``whole`` of its earlier returns is becoming hidden. An object is
-    associated within ``gate_m`` of its prediction, and predicted for ``coast_s`` after its last detection, but only
-    ``missed_s`` where rays pass below its top; a moving one is assumed to continue for that time, up to ``beside_m``
-    before the robot, in unobserved space. place_sigma_m, acceleration_mps2: noise of measurement and motion. It moves
-    if it was tracked for ``follow_s`` and over ``distance_m``, is faster than ``slowest_mps`` and, until it moves, than
-    ``sure`` times the deviation of its speed, and at most the share ``vacated_share`` of its points of ``vacated_s``
-    ago has one within ``same_m`` now; later on, at most that share of the points that its motion should have left.
+    A return is new if its place was free ``new_s`` ago, and no older obstacle is within ``apart_m``. Returns within
+    ``link_m`` of each other are one object, if they are at least ``points_min`` and no more than ``widest_m`` apart;
+    one with less than the share ``whole`` of its earlier returns is becoming hidden. An object is associated within
+    ``gate_m`` of its prediction, and predicted for ``coast_s`` after its last detection, but only ``missed_s`` where
+    rays pass below its top; a moving one is assumed to continue for that time, an approaching one for at least 1.6 m,
+    up to ``beside_m`` before the robot, in unobserved space. place_sigma_m, acceleration_mps2: noise of measurement and
+    motion. It moves if it was tracked for ``follow_s`` and over ``distance_m``, is faster than ``slowest_mps`` and,
+    until it moves, than ``sure`` times the deviation of its speed, and at most the share ``vacated_share`` of its
+    points of ``vacated_s`` ago has one within ``same_m`` now; later on, at most that share of the points that its
+    motion should have left.
     """
 
     new_s: Positive

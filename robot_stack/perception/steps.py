@@ -36,7 +36,7 @@ _SMOOTH_M = 0.06
 _EVEN_SHARE = 0.8  # of the steepest ramp's slope, that a steep slope has at least: a kerb's line is flatter, or off
 _EVEN_CELLS = 6
 _EVEN_GAP_M = 0.2  # between two of its cells
-_DECK_EDGE_M = 0.15
+_DECK_EDGE_M = 0.15  # that stays an obstacle if the side of the deck was not seen
 
 
 @dataclass(frozen=True, slots=True)
@@ -331,8 +331,7 @@ def _find_decks(cells: Float, active: Int, slope: Any, least: Any, kind: Bytes) 
                         kind[s, j], cells[s, j, GROUND_M] = FLOOR, cells[s, j, HEIGHT]
             first = last = k if smooth else -1
             if smooth:
-                floor = before < 0 or kind[s, before] == FLOOR
-                jump = floor and not (before >= 0 and _joins(cells, s, before, k, slope, least))
+                jump = before < 0 or (kind[s, before] == FLOOR and not _joins(cells, s, before, k, slope, least))
             before = k
 
 

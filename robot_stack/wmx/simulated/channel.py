@@ -107,7 +107,7 @@ class StatusView:
         """
         code, snapshot = self._try()
         if code and self._reader is not None and self._reader.replaced():
-            self._reader, self._last = None, empty_snapshot()
+            self._reader = None
             code, snapshot = self._try()
         return code, snapshot
 
@@ -124,7 +124,7 @@ class StatusView:
     def _try(self) -> tuple[int, StatusSnapshot]:
         try:
             if self._reader is None:
-                self._reader = StatusReader(self._folder)
+                self._reader, self._last = StatusReader(self._folder), empty_snapshot()
         except StatusUnreadable:
             return ErrorCode.StatusChannelNull, empty_snapshot()
         with contextlib.suppress(StatusUnreadable):
