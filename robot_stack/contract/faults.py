@@ -117,6 +117,6 @@ def split_codes(reason: str) -> tuple[str, ...]:
 def stops_gently(codes: Collection[str]) -> bool:
     """True if every code of a limit is a row with a gentle stop.
 
-    False (hard) if in doubt: no code, or one that is not in the list.
+    Without a code, or with one that is not in the list, the stop is hard.
     """
     return bool(codes) and all(code in BY_CODE and BY_CODE[code].gentle for code in codes)

@@ -30,8 +30,10 @@ class MissionState(StrEnum):
     FAILED = "FAILED"
 
 
+# The robot moves by the measured pose of a dock.
+SERVOED = frozenset({DockingState.SERVOING, DockingState.FINE_ALIGN})
 # The robot aims at the markers of a dock.
-ALIGNING = frozenset({DockingState.SEARCH, DockingState.SERVOING, DockingState.FINE_ALIGN})
+ALIGNING = SERVOED | {DockingState.SEARCH}
 # A docking moves the robot.
 DOCKING = ALIGNING | {DockingState.APPROACH}
 # A mission is under way, or paused.

@@ -14,7 +14,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_stack.contract.states import DockingState
+from robot_stack.contract.states import SERVOED, DockingState
 from robot_stack.core.departure import SETTING_OUT, Departure
 from robot_stack.core.docks import Dock
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
@@ -369,7 +369,7 @@ class DockingController:
         """1 at the dock pose, 0 at staging and before."""
         if self._state is DockingState.DOCKED:
             return 1.0
-        if not math.isfinite(position_error_m) or self._state not in (DockingState.SERVOING, DockingState.FINE_ALIGN):
+        if not math.isfinite(position_error_m) or self._state not in SERVOED:
             return 0.0
         return max(0.0, 1.0 - position_error_m / self._params.staging.distance_m)
 

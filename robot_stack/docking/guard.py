@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from robot_stack.contract.states import DockingState
+from robot_stack.contract.states import ALIGNING, DockingState
 from robot_stack.docking.params import DockingParams
 from robot_stack.docking.results import DockCode, Failure, UndockCode
 from robot_stack.docking.situation import Situation
 
 # Odometry that is silent for this many of its timeouts counts as lost.
 _LOST_FACTOR = 5.0
-_SEEING = (DockingState.SEARCH, DockingState.SERVOING, DockingState.FINE_ALIGN)
 
 
 class Guard:
@@ -34,7 +33,7 @@ class Guard:
             return self._failure(DockCode.SAFETY_STOP, UndockCode.SAFETY_STOP, f"stopped by safety: {why}")
         if self._lost_s > _LOST_FACTOR * p.odometry_timeout_s:
             return self._failure(DockCode.LOCALIZATION_LOST, UndockCode.INTERNAL_ERROR, "no fresh /odom")
-        if self._undocking or state not in _SEEING:
+        if self._undocking or state not in ALIGNING:
             return None
         if state is not DockingState.SEARCH and situation.latch.known and not situation.latch.open:
             return Failure(DockCode.LATCH_FAILED, "the latch is not open before the dock", final=True)
@@ -45,7 +44,7 @@ class Guard:
         return None
 
     def _count(self, situation: Situation, state: DockingState, dt_s: float) -> None:
-        seeing = state in _SEEING
+        seeing = state in ALIGNING
         self._try_s = self._try_s + dt_s if seeing else self._try_s
         self._held_s = self._held_s + dt_s if held(situation) else 0.0
         self._blind_s = self._blind_s + dt_s if seeing and not situation.images_fresh else 0.0

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from robot_stack.contract import processes, topics
 from robot_stack.contract.model import Criticality
-from robot_stack.contract.states import ALIGNING, DockingState
+from robot_stack.contract.states import ALIGNING, SERVOED
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.core.limits import SafetyLimit, SpeedLimit
 from robot_stack.core.robot import Footprint, Robot
@@ -37,8 +37,6 @@ from robot_stack.safety.timing import age_s
 from robot_stack.safety.watches import CameraWatch, EstopWatch, ImuWatch, Latest, PoseWatch, WheelWatch
 
 CAMERAS = (topics.FRONT_CAMERA_INFO, topics.REAR_CAMERA_INFO)
-# States in which the robot moves into the dock, whose own parts are then no obstacles.
-_LAST_WAY = (DockingState.SERVOING, DockingState.FINE_ALIGN)
 # The processes that maintain the links to displays and screens.
 _EHMI, _UI = "ehmi_bridge", "touch_ui"
 # The source of the emergency stop that must always be present.
@@ -158,7 +156,8 @@ class Observation:
     def docking(self, state: str, now_s: float) -> None:
         """State of ``/docking/status``."""
         self._cameras.docking(state in ALIGNING, now_s)
-        self._last_way_s = now_s if state in _LAST_WAY else None
+        # The robot moves into the dock, whose own parts are then no obstacles.
+        self._last_way_s = now_s if state in SERVOED else None
 
     def camera(self, topic: str, now_s: float) -> None:
         """A ``camera_info`` of ``CAMERAS``: it accompanies each image."""

@@ -33,7 +33,7 @@ class Entry:
     """One entry of the tree.
 
     children: name and message of each, of a group. payload: argument of ``heard``, of a leaf with an entry.
-    missing: an expected node that was never heard.
+    missing: an expected node that has sent no entry.
     """
 
     path: str

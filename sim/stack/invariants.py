@@ -21,6 +21,7 @@ from custom_msgs.msg import MissionStatus, UICommand
 from robot_stack.contract import faults, topics
 from robot_stack.contract.model import EVERY_NODE, Criticality, SafetyAction, SafetyState, System, Topic
 from robot_stack.contract.processes import BY_NAME, HEARTBEAT_STALE_S
+from robot_stack.contract.states import ACTIVE
 from robot_stack.core.config import load
 from robot_stack.core.robot import Motion
 from robot_stack.safety.params import SafetyParams
@@ -45,7 +46,6 @@ _COMPUTER_S = 3.0  # readings of the computer, and their way
 _TILT_MARGIN_DEG, _TILT_S = 2.0, 0.5
 _CHARGE_MARGIN, _CHARGE_S = 0.02, 2.5
 _ENDED = (LifeChange.STOPPED, LifeChange.KILLED, LifeChange.CRASHED, LifeChange.REFUSED)
-_UNDER_WAY = (MissionStatus.RUNNING, MissionStatus.WAITING, MissionStatus.PAUSED)
 _MONITOR: Final = "safety_monitor"
 _MISSIONS: Final = "mission_manager"
 _EMERGENCY: Final = SafetyState.EMERGENCY_STOP.name
@@ -300,7 +300,7 @@ class Invariants(Observer):
     def _on_mission(self, now_s: float, _: str, data: bytes) -> None:
         status = self._mission = decoder(topics.MISSION_STATUS.type)(data)
         before = self._mission_before
-        if self._commanded or before is None or before.state not in _UNDER_WAY:
+        if self._commanded or before is None or before.state not in ACTIVE:
             return
         if status.mission_id != before.mission_id:
             text = f"{before.mission_id} was {before.state}; after the restart it is {status.mission_id or 'gone'}"

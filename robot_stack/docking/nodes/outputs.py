@@ -7,7 +7,7 @@ from std_msgs.msg import Bool
 
 from custom_msgs.msg import EHMIState, LatchStatus
 from robot_stack.contract import frames, topics
-from robot_stack.contract.states import DockingState
+from robot_stack.contract.states import SERVOED, DockingState
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.docking.nodes.messages import status
 from robot_stack.docking.params import DockingParams
@@ -89,7 +89,7 @@ class DockingOutputs:
 
         dock, base: both in odom; None while unknown.
         """
-        if state in (DockingState.SERVOING, DockingState.FINE_ALIGN) and dock is not None and base is not None:
+        if state in SERVOED and dock is not None and base is not None:
             pose = dock.pose.relative_to(base)
             self._target.publish(pose_stamped(pose, frames.BASE_LINK, self._node.stamp()))
 

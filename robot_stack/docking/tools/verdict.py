@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from robot_stack.contract.frames import FRONT_CAMERA, REAR_CAMERA
-from robot_stack.contract.states import ALIGNING, DockingState
+from robot_stack.contract.states import ALIGNING, SERVOED, DockingState
 from robot_stack.docking.tools.collector import DETECTOR
 from robot_stack.docking.tools.trace import Spell, Status, Trace, silences, spells
 
@@ -138,11 +138,10 @@ def _unlatched(trace: Trace, _: Limits) -> list[Finding]:
 
 def _moved(trace: Trace, limits: Limits) -> list[Finding]:
     """The error jumped while the robot was aligning: the dock moved, or another pose was accepted."""
-    aligning = (DockingState.SERVOING, DockingState.FINE_ALIGN)
     found = []
     for before, after in pairwise(trace.statuses):
         jump_m = after.error_m - before.error_m
-        if before.state in aligning and after.at_s - before.at_s < limits.silent_s and jump_m > limits.jump_m:
+        if before.state in SERVOED and after.at_s - before.at_s < limits.silent_s and jump_m > limits.jump_m:
             at_s = after.at_s - trace.start_s
             text = f"the dock moved, or its pose jumped: error +{1000.0 * jump_m:.0f} mm at t={at_s:.1f} s"
             found.append(Finding(at_s, at_s, text))
@@ -192,7 +191,7 @@ def _stuck(trace: Trace, limits: Limits) -> list[Finding]:
     if last.value == DockingState.APPROACH:
         return [_since(trace, last, "the staging pose was not reached")]
     known = [item for item in inside if math.isfinite(item.error_m) and math.isfinite(item.yaw_rad)]
-    if last.value not in (DockingState.SERVOING, DockingState.FINE_ALIGN) or not known:
+    if last.value not in SERVOED or not known:
         return []
     if known[-1].error_m < limits.aligned_m and abs(known[-1].yaw_rad) < limits.aligned_rad:
         return [Finding(start_s, end_s, f"aligned with {_errors(known)}, but not for long enough")]

@@ -44,24 +44,24 @@ def test_an_input_is_read_by_its_fields_alone() -> None:
     assert parse_input("/odom", others) == parse_input("/odom", text) == InputState("/odom", 7.25, 49.8, False, 3)
 
 
-def told(health: TopicHealth, node: str, text: str, now_s: float, topic: str = "/odom") -> None:
+def report(health: TopicHealth, node: str, text: str, now_s: float, topic: str = "/odom") -> None:
     health.heard(node, [(f"{INPUT_PREFIX}{topic}", text), ("loop tick", "3 calls"), (INPUT_PREFIX, "junk")], now_s)
 
 
 def test_topic_figures_come_from_subscriber_with_most_messages() -> None:
     health = TopicHealth(5.0)
     assert health.figures("/odom", 0.0) is None
-    told(health, "mission_manager", "received=100 rate_hz=10.0 age_s=0.09 fresh=True", 1.0)
-    told(health, "ndt_localization", "received=500 rate_hz=50.1 age_s=0.02 fresh=True", 1.0)
-    told(health, "costmap_server", "received=0 rate_hz=nan age_s=inf fresh=False", 1.0)
+    report(health, "mission_manager", "received=100 rate_hz=10.0 age_s=0.09 fresh=True", 1.0)
+    report(health, "ndt_localization", "received=500 rate_hz=50.1 age_s=0.02 fresh=True", 1.0)
+    report(health, "costmap_server", "received=0 rate_hz=nan age_s=inf fresh=False", 1.0)
     assert health.figures("/odom", 1.5) == TopicFigures(50.1, 0.02)
     assert health.figures("/imu", 1.5) is None
 
 
 def test_stale_subscriber_report_is_ignored() -> None:
     health = TopicHealth(5.0)
-    told(health, "ndt_localization", "received=500 rate_hz=50.1 age_s=0.02 fresh=True", 1.0)
-    told(health, "mission_manager", "received=100 rate_hz=10.0 age_s=0.09 fresh=True", 3.0)
+    report(health, "ndt_localization", "received=500 rate_hz=50.1 age_s=0.02 fresh=True", 1.0)
+    report(health, "mission_manager", "received=100 rate_hz=10.0 age_s=0.09 fresh=True", 3.0)
     assert health.figures("/odom", 6.0) == TopicFigures(50.1, 0.02)
     assert health.figures("/odom", 6.1) == TopicFigures(10.0, 0.09)
     assert health.figures("/odom", 8.1) is None
@@ -70,7 +70,7 @@ def test_stale_subscriber_report_is_ignored() -> None:
 
 def test_topic_never_received_is_described_as_such() -> None:
     health = TopicHealth(5.0)
-    told(health, "ndt_localization", "received=0 rate_hz=nan age_s=inf fresh=False", 1.0)
+    report(health, "ndt_localization", "received=0 rate_hz=nan age_s=inf fresh=False", 1.0)
     figures = health.figures("/odom", 1.0)
     assert figures is not None
     assert (math.isnan(figures.rate_hz), figures.age_s) == (True, math.inf)
