@@ -172,19 +172,30 @@ def _acceptable(
     kept_rows, kept_times, stands = [anchor], [float(times[0])], [False]
     for row, time_s in zip(rows[1:], times[1:].tolist(), strict=True):
         gap_s = time_s - kept_times[-1]
-        repeats = bool(np.abs(row - anchor).max() <= _SAME_RAD)
-        if gap_s < _SHORTEST_GAP_S or (repeats and gap_s < shortest_pause_s):
-            continue
-        if not repeats and np.abs(row - kept_rows[-1]).max() <= _SAME_RAD:
+        repeats = _same(row, anchor)
+        if gap_s < _SHORTEST_GAP_S or (gap_s < shortest_pause_s and (repeats or _same(row, kept_rows[-1]))):
             continue
         anchor = anchor if repeats else row
-        kept_rows.append(anchor + _SHIFT_RAD if repeats and kept_rows[-1] is anchor else anchor)
+        kept_rows.append(_apart(anchor, kept_rows[-1]))
         kept_times.append(time_s)
         stands.append(repeats)
     while stands[-1]:  # the engine stands at the end in any case
         for kept in (kept_rows, kept_times, stands):
             kept.pop()
     return np.array(kept_rows), np.array(kept_times)
+
+
+def _same(row: FloatArray, other: FloatArray) -> bool:
+    return bool(np.abs(row - other).max() <= _SAME_RAD)
+
+
+def _apart(row: FloatArray, before: FloatArray) -> FloatArray:
+    """The row, shifted away from the one before if the engine would drop it."""
+    if not _same(row, before):
+        return row
+    difference = row - before
+    shift_rad = float(np.copysign(_SHIFT_RAD, difference[np.abs(difference).argmax()]))
+    return row + shift_rad
 
 
 def _check_peak(what: str, unit: str, peaks: FloatArray, limits: tuple[float, ...], joints: tuple[str, ...]) -> None:

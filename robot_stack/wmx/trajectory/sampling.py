@@ -27,7 +27,11 @@ _LOOKS = np.array([0.0, 0.25, 0.5, 0.75])  # places between two points at which 
 
 @dataclass(frozen=True, slots=True)
 class Nearness:
-    """Largest distance of the engine's spline from the curve between common points, and largest number of points."""
+    """Largest distance of the engine's spline from the curve between common points, and largest number of points.
+
+    The distance is larger where no further point can be inserted: within two cycles, and near standstill, where the
+    engine drops points that are too near each other. A jump of the acceleration by 100 rad/s^2 adds up to 0.1 mrad.
+    """
 
     deviation_rad: float
     deviation_radps: float

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from robot_stack.wmx.trajectory.plan import PlanLimits, plan_spline
@@ -65,6 +65,8 @@ def test_accelerations_are_driven_through() -> None:
     ),
     st.booleans(),
 )
+@example([(0.0625, 0.5625, 0.0, 0.0), (1.0, 0.5, 0.0, 0.0)], False)  # 864 rad/s^2 to a slow start: 0.203 mrad off
+@example([(0.5, 0.0, 6.1e-5, 0.0), (0.125, 1.0, 0.0, 0.0)], False)  # drifts less than the engine's least distance
 def test_the_engine_follows_the_curve_of_the_goal(
     steps: list[tuple[float, float, float, float]], accelerations: bool
 ) -> None:
@@ -81,9 +83,11 @@ def test_the_engine_follows_the_curve_of_the_goal(
         return  # its time is zero then, as documented
     curve = curve_of(points.after_rest(HERE))
     at = np.linspace(0.0, spline.times_s[-1], 997)
-    assert np.abs(spline.positions_at(at) - curve(at)).max() <= 2.0 * NEAR_RAD
-    # Or the change by the acceleration within one or two cycles.
-    fastest_radps = NO_LIMITS.near.deviation_radps + 2e-3 * np.abs(curve(at, 2)).max()
+    # Where points 4 ms apart would be equal, they are up to 8 ms apart, and after a jump of the acceleration the spline
+    # is off by 1/64 of it times that squared. The velocity changes by the acceleration within one or two cycles.
+    greatest = np.abs(curve(at, 2)).max()
+    assert np.abs(spline.positions_at(at) - curve(at)).max() <= 2.0 * NEAR_RAD + 8e-3**2 / 64.0 * greatest
+    fastest_radps = NO_LIMITS.near.deviation_radps + 2e-3 * greatest
     assert np.abs(spline.velocities_at(at) - curve(at, 1)).max() <= fastest_radps
     assert np.diff(spline.times_s).min() > 1e-6
     assert np.abs(np.diff(spline.positions, axis=0)).max(axis=1).min() > 1e-6
