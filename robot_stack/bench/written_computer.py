@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import os
 import time
 from pathlib import Path
+
+from robot_stack.core.atomic_file import replace_file
 
 _TICKS_PER_S = 100
 _CORES = 4
@@ -25,7 +26,9 @@ class WrittenComputer:
         self._busy_ticks = self._idle_ticks = 1e6
         self._ticked_s = time.monotonic()
         for name in ("cpu", "io", "memory"):
-            _write(self.proc / "pressure" / name, "some avg10=1.50 avg60=0.00 avg300=0.00 total=12345\n")
+            replace_file(
+                self.proc / "pressure" / name, "some avg10=1.50 avg60=0.00 avg300=0.00 total=12345\n", durable=False
+            )
         self.tick()
 
     def tick(self) -> None:
@@ -36,8 +39,8 @@ class WrittenComputer:
         self._busy_ticks += 0.01 * self.cpu_percent * ticks
         self._idle_ticks += (1.0 - 0.01 * self.cpu_percent) * ticks
         counters = f"{self._busy_ticks:.0f} 0 0 {self._idle_ticks:.0f} 0 0 0 0 0 0"
-        _write(self.proc / "stat", f"cpu  {counters}\ncpu0 {counters}\nbtime 1700000000\n")
-        _write(self.proc / "meminfo", _meminfo(self.memory_percent))
+        replace_file(self.proc / "stat", f"cpu  {counters}\ncpu0 {counters}\nbtime 1700000000\n", durable=False)
+        replace_file(self.proc / "meminfo", _meminfo(self.memory_percent), durable=False)
         self._write_zone()
 
     def _write_zone(self) -> None:
@@ -48,8 +51,8 @@ class WrittenComputer:
                 (zone / name).unlink(missing_ok=True)
             return
         zone.mkdir(exist_ok=True)
-        _write(zone / "type", "x86_pkg_temp\n")
-        _write(zone / "temp", f"{1000.0 * celsius:.0f}\n")
+        replace_file(zone / "type", "x86_pkg_temp\n", durable=False)
+        replace_file(zone / "temp", f"{1000.0 * celsius:.0f}\n", durable=False)
 
 
 def _meminfo(percent: float) -> str:
@@ -58,10 +61,3 @@ def _meminfo(percent: float) -> str:
     rows = {"MemTotal": total_kb, "MemFree": available_kb, "MemAvailable": available_kb, "Buffers": 0, "Cached": 0}
     rows |= {"Active": 0, "Inactive": 0, "Shmem": 0, "Slab": 0}
     return "".join(f"{name}: {value} kB\n" for name, value in rows.items())
-
-
-def _write(path: Path, text: str) -> None:
-    """Writes atomically: a reader sees the old text or the new one, as from the kernel."""
-    beside = path.with_name(f".{path.name}.new")
-    beside.write_text(text, encoding="ascii")
-    os.replace(beside, path)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 from pathlib import Path
 
 import cv2
@@ -11,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robot_stack.cli.errors import CommandError
+from robot_stack.core.atomic_file import replace_file
 from robot_stack.mapping.poses import Floats, yaw_of
 from robot_stack.mapping.teaching import Cells, GrowingMap
 
@@ -56,10 +56,8 @@ def write_picture(picture: Image, file: Path) -> None:
     """Replaces the file atomically. Raises CommandError."""
     whole, data = cv2.imencode(".png", picture)
     assert whole, "an image of three channels is a PNG"
-    temporary = file.with_name(f".{file.name}.new")
     try:
-        temporary.write_bytes(data.tobytes())
-        os.replace(temporary, file)
+        replace_file(file, data.tobytes())
     except OSError as error:
         raise CommandError(f"{file} cannot be written: {error.strerror or error}") from None
 

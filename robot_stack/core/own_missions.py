@@ -9,6 +9,7 @@ from pathlib import Path
 
 import yaml
 
+from robot_stack.core.atomic_file import sync_folder
 from robot_stack.core.mission import Mission
 
 
@@ -90,8 +91,4 @@ def _write(path: Path, mission: Mission, *, replace: bool) -> None:
             os.link(name, path)  # unlike a rename, this never replaces another file
     finally:
         Path(name).unlink(missing_ok=True)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)
-    finally:
-        os.close(folder)
+    sync_folder(path.parent)

@@ -5,7 +5,6 @@ https://github.com/ros2/rosbag2, rosbag2_storage
 
 from __future__ import annotations
 
-import os
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import Any
 import yaml
 
 from robot_stack.contract.model import Qos
+from robot_stack.core.atomic_file import replace_file
 from robot_stack.core.config import ConfigError, read_yaml
 
 METADATA_FILE = "metadata.yaml"
@@ -107,12 +107,7 @@ def metadata_text(files: Sequence[FileInfo], topics: Sequence[TopicInfo]) -> str
 
 def write_metadata(folder: Path, files: Sequence[FileInfo], topics: Sequence[TopicInfo]) -> None:
     """Replaces the folder's ``metadata.yaml`` atomically."""
-    temporary = folder / f".{METADATA_FILE}.new"
-    with open(temporary, "w", encoding="utf-8") as file:
-        file.write(_dump({"rosbag2_bagfile_information": bag_metadata(files, topics)}))
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, folder / METADATA_FILE)
+    replace_file(folder / METADATA_FILE, _dump({"rosbag2_bagfile_information": bag_metadata(files, topics)}))
 
 
 def recorded_files(folder: Path) -> list[str]:

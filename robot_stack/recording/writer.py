@@ -19,6 +19,7 @@ from typing import BinaryIO
 from mcap.writer import CompressionType, Writer
 
 from robot_stack.contract.model import Topic
+from robot_stack.core.atomic_file import sync_folder
 from robot_stack.core.message_definitions import message_definition, type_hash
 from robot_stack.recording import metadata
 from robot_stack.recording.metadata import FileInfo, TopicInfo
@@ -83,7 +84,7 @@ class BagWriter:
         name = f"{self._folder.name}_{len(self._finished)}.mcap"
         file = _BagFile(self._folder / name, self._topics, self._definitions, self._format)
         metadata.write_metadata(self._folder, [*self._finished, file.info()], self._topics)
-        _sync_folder(self._folder)
+        sync_folder(self._folder)
         return file
 
     def _finish_file(self) -> None:
@@ -144,12 +145,3 @@ class _BagFile:
     def abandon(self) -> None:
         with suppress(OSError):  # closing retries writes to a full disk, but closes in any case
             self._stream.close()
-
-
-def _sync_folder(folder: Path) -> None:
-    """The name of a new file is safe only after its folder is synced."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

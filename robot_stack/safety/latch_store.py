@@ -15,7 +15,6 @@ one step, and then the witness, which remains if the folder is deleted.
 
 from __future__ import annotations
 
-import contextlib
 import json
 import math
 import os
@@ -28,6 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_stack.contract import faults
+from robot_stack.core.atomic_file import sync_folder
 from robot_stack.core.runtime import only_own
 from robot_stack.core.worker import Worker
 from robot_stack.safety.monitor import ESTOP_PRESSED, Memory
@@ -200,7 +200,7 @@ class LatchStore:
         for name in COPIES:
             _write_through(beside / name, data)
         os.replace(beside, self._folder)
-        _sync_folder(self._folder.parent)
+        sync_folder(self._folder.parent)
 
     def _copies(self) -> list[Path]:
         return [self._folder / name for name in COPIES]
@@ -238,7 +238,7 @@ def _write_through(path: Path, data: bytes) -> None:
     finally:
         os.close(descriptor)
     if made:
-        _sync_folder(path.parent)
+        sync_folder(path.parent)
 
 
 def _replace(path: Path, data: bytes) -> None:
@@ -246,12 +246,3 @@ def _replace(path: Path, data: bytes) -> None:
     with open(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600), "wb") as file:
         file.write(data)
     os.replace(beside, path)
-
-
-def _sync_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        with contextlib.suppress(OSError):  # some file systems cannot sync folders
-            os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

@@ -19,6 +19,7 @@ from pathlib import Path
 
 import psutil
 
+from robot_stack.core.atomic_file import replace_file
 from robot_stack.core.runtime import runtime_dir
 
 _RECORD = "processes.json"
@@ -33,9 +34,7 @@ def record(pids: Iterable[int]) -> None:
         with contextlib.suppress(psutil.Error):
             started[pid] = psutil.Process(pid).create_time()
     path = runtime_dir() / _RECORD
-    fresh = path.with_suffix(".new")
-    fresh.write_text(json.dumps(started), encoding="ascii")
-    fresh.replace(path)
+    replace_file(path, json.dumps(started), durable=False)
 
 
 def forget() -> None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import os
-
+from robot_stack.core.atomic_file import replace_file
 from robot_stack.core.runtime import state_dir
 
 _ATTACHED, _FREE = "attached\n", "free\n"
@@ -30,14 +29,9 @@ class AttachedFile:
         """Writes to the disk if changed. Returns the error, else an empty text."""
         if attached == self._stored:
             return ""
-        draft = self._path.with_name(f"{self._path.name}.new")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            with open(draft, "w", encoding="ascii") as file:
-                file.write(_ATTACHED if attached else _FREE)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(draft, self._path)
+            replace_file(self._path, _ATTACHED if attached else _FREE)
         except OSError as error:
             return f"{self._path} cannot be written: {error.strerror or error}"
         self._stored = attached

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
@@ -10,6 +9,7 @@ from typing import Annotated
 import yaml
 from pydantic import Field
 
+from robot_stack.core.atomic_file import replace_file
 from robot_stack.core.config import Config, ConfigError, read_yaml, validate
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.runtime import state_dir
@@ -50,11 +50,9 @@ class CorrectionsFile:
             name: {"x_m": item.pose.x, "y_m": item.pose.y, "yaw_rad": item.pose.yaw, "dockings": item.dockings}
             for name, item in corrections.items()
         }
-        draft = self._path.with_suffix(".new")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            draft.write_text(yaml.safe_dump({"corrections": entries}), encoding="utf-8")
-            os.replace(draft, self._path)
+            replace_file(self._path, yaml.safe_dump({"corrections": entries}))
         except OSError as error:
             return f"{self._path} cannot be written: {error.strerror or error}"
         return ""

@@ -12,7 +12,6 @@ import math
 import os
 import re
 import stat
-import tempfile
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,6 +19,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Final
 
+from robot_stack.core.atomic_file import replace_file
 from robot_stack.wmx.api.values import MAX_AXES
 from robot_stack.wmx.simulated.parameter_layout import AXIS_ENTRIES, GLOBAL_ENTRIES, Number
 
@@ -131,18 +131,7 @@ def write_file(path: str, values: ParameterValues) -> None:
     There is a block for each of the vendor's 128 axes, with defaults for those missing in ``values``: the vendor's
     engine rejects a missing block.
     """
-    text = render(values)
-    folder = Path(path).absolute().parent
-    descriptor, temporary = tempfile.mkstemp(prefix=".parameters-", dir=folder)
-    try:
-        with os.fdopen(descriptor, "w", encoding="utf-8", newline="\n") as file:
-            os.fchmod(file.fileno(), 0o644)
-            file.write(text)
-        os.replace(temporary, path)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            os.unlink(temporary)
-        raise
+    replace_file(Path(path), render(values))
 
 
 def render(values: ParameterValues) -> str:
