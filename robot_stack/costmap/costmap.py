@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.core.robot import Robot
-from robot_stack.costmap import kernels
-from robot_stack.costmap.inflation import cost_table
-from robot_stack.costmap.kernels import Cells
+from robot_stack.costmap.inflation import cost_table, inflated
 from robot_stack.costmap.params import CostmapParams
+
+Cells = NDArray[np.int8]
 
 _STATES = (-1, 0, 100)
 
@@ -45,9 +45,7 @@ class LocalCostmap:
 
     def costs(self, space: Space) -> Cells:
         """(rows, columns) costs as in an OccupancyGrid."""
-        costs = np.empty_like(space.state)
-        kernels.inflate(np.ascontiguousarray(space.state), self._table(space.resolution_m), costs)
-        return costs
+        return inflated(space.state, self._table(space.resolution_m))
 
     def _table(self, resolution_m: float) -> NDArray[np.int8]:
         key = (self.chair, resolution_m)

@@ -11,7 +11,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.distance_field import distance_field
 from robot_stack.core.robot import Footprint
+from robot_stack.core.site_map import OCCUPIED, UNKNOWN
 
 LETHAL, INSCRIBED, HIGHEST = 100, 99, 98
 # Nav2 computes with 252 steps below "inscribed" and publishes them as 1-98.
@@ -47,3 +49,15 @@ def cost_table(footprint: Footprint, beyond_m: float, scaling_per_m: float, reso
         [cost(math.sqrt(squared) * resolution_m, inside_m, scaling_per_m) for squared in range(int(cells * cells) + 1)],
         np.int8,
     )
+
+
+def inflated(state: NDArray[np.int8], costs: NDArray[np.int8]) -> NDArray[np.int8]:
+    """(rows, columns) costs around the occupied cells of ``state``.
+
+    costs: by the squared distance in cells; beyond its end the cost is 0. An unknown cell gets a cost only within the
+    inscribed radius.
+    """
+    squared = np.rint(np.square(distance_field(state == OCCUPIED), dtype=np.float64))
+    out: NDArray[np.int8] = np.append(costs, np.int8(0))[np.minimum(squared, len(costs)).astype(np.intp)]
+    out[(state == UNKNOWN) & (out < INSCRIBED)] = UNKNOWN
+    return out

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.robot_shape import Placed
 
 F64 = NDArray[np.float64]
@@ -31,7 +31,7 @@ def own_ranges(origin: F64, beams: F64, solids: Sequence[Placed]) -> F64:
     return ranges
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _meet_solids(origin: F64, beams: F64, kinds: I64, half: F64, inverse: F64, ranges: F64) -> None:
     o, d = np.empty(3), np.empty(3)
     for k in range(len(kinds)):
@@ -51,7 +51,7 @@ def _meet_solids(origin: F64, beams: F64, kinds: I64, half: F64, inverse: F64, r
                 ranges[n] = far
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _enter_box(o: F64, d: F64, half: F64) -> float:
     near, far = -np.inf, np.inf
     for i in range(3):
@@ -61,7 +61,7 @@ def _enter_box(o: F64, d: F64, half: F64) -> float:
     return near if 0.0 < near <= far else np.inf
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _enter_ball(o: F64, d: F64, half: F64) -> float:
     """An ellipsoid by its half axes."""
     a, b, c = 0.0, 0.0, -1.0
@@ -75,7 +75,7 @@ def _enter_ball(o: F64, d: F64, half: F64) -> float:
     return (-b - math.sqrt(root)) / a
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def enter_cylinder(
     ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, radius: float, foot: float, top: float
 ) -> float:
@@ -101,7 +101,7 @@ def enter_cylinder(
     return near if x * x + y * y <= radius * radius else np.inf
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def count_on_things(
     origin: F64,
     beams: F64,
@@ -132,7 +132,7 @@ def count_on_things(
             counts[m] += _count(first, last, beams, reach, least_m, -x, -y, origin[2], radius, foot, top)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _count(
     first: int,
     last: int,

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import distance_transform_edt
 
+from robot_stack.core.compiled import compiled
 from robot_stack.mapping.cells import CellAccumulator
 from robot_stack.mapping.params import GridSettings
 from robot_stack.mapping.poses import Floats
@@ -110,8 +110,16 @@ def _surfaces(
     return first, (shape[0], shape[1]), starts, mean[enough], count[enough].astype(np.int64)
 
 
-@numba.njit(cache=True)
-def _flood(height, chosen, starts, surfaces, seeds, seed_heights, climb):  # type: ignore[no-untyped-def]
+@compiled
+def _flood(
+    height: Floats,
+    chosen: Indices,
+    starts: Indices,
+    surfaces: Floats,
+    seeds: Indices,
+    seed_heights: Floats,
+    climb: float,
+) -> None:
     """Fills ``height`` from the seeds, column by column, as long as the next surface is within ``climb``."""
     nx, ny = height.shape
     queue = np.empty(nx * ny, np.int64)
@@ -141,8 +149,8 @@ def _flood(height, chosen, starts, surfaces, seeds, seed_heights, climb):  # typ
                 tail += 1
 
 
-@numba.njit(cache=True)
-def _nearest(surfaces, begin, end, wanted):  # type: ignore[no-untyped-def]
+@compiled
+def _nearest(surfaces: Floats, begin: int, end: int, wanted: float) -> int:
     best = -1
     for s in range(begin, end):
         if best < 0 or abs(surfaces[s] - wanted) < abs(surfaces[best] - wanted):

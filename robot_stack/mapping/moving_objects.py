@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from robot_stack.core.compiled import compiled
 from robot_stack.mapping.params import MovingObjectParams as Settings
 from robot_stack.mapping.poses import Floats, transform
 
@@ -55,8 +55,16 @@ def votes_of(
     return votes
 
 
-@numba.njit(cache=True)
-def _vote(start, ends, margin, reach, mark, hits, through):  # type: ignore[no-untyped-def]
+@compiled
+def _vote(
+    start: Floats,
+    ends: Floats,
+    margin: float,
+    reach: float,
+    mark: npt.NDArray[np.uint8],
+    hits: npt.NDArray[np.uint16],
+    through: npt.NDArray[np.uint16],
+) -> None:
     """Voxel traversal of each ray (Amanatides and Woo); lengths in voxels."""
     nx, ny, nz = mark.shape
     cell, step, until, delta = np.zeros(3, np.int64), np.zeros(3, np.int64), np.zeros(3), np.zeros(3)

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.site_map import Cells
 from robot_stack.mapping.cells import voxel_keys
 from robot_stack.mapping.poses import Floats, difference, moved, transform
@@ -72,7 +72,7 @@ def align(
             normal, pull, inside = _accumulate(points, at, pose[:3, :3], index, target.mean, target.information)
             share, found = inside / count, float((index >= 0).sum()) / count
             pull = pull + held * difference(initial, pose)
-            step = np.linalg.solve(normal + np.diag(held), pull)
+            step = np.linalg.solve(normal + np.diag(held), pull).astype(np.float64, copy=False)
             pose = moved(pose, step)
             if np.abs(step).max() < _SMALL_STEP:
                 break
@@ -88,8 +88,10 @@ def _voxels(target: Target, points: Floats) -> np.ndarray:
     return np.where(target.keys[row] == keys, row, -1)
 
 
-@numba.njit(cache=True)
-def _accumulate(points, at, rotation, index, mean, information):  # type: ignore[no-untyped-def]
+@compiled
+def _accumulate(
+    points: Floats, at: Floats, rotation: Floats, index: np.ndarray, mean: Floats, information: Floats
+) -> tuple[Floats, Floats, int]:
     """((6, 6) normal matrix, (6,) gradient, points within three deviations) of one Gauss-Newton step."""
     normal, pull, inside = np.zeros((6, 6)), np.zeros(6), 0
     jacobian = np.zeros((3, 6))

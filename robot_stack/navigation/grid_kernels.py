@@ -1,8 +1,7 @@
-"""Compiled loops of the global planner: distance transform, A*, line of sight, headings.
+"""Compiled loops of the global planner: A*, line of sight, headings.
 
-All compiled functions that call each other live in this file: numba's cache checks one file only. Grids are (rows,
-columns), row 0 at the lowest y; clearances are metres from a cell's middle to the middle of the nearest occupied cell.
-Exact distance transform: Felzenszwalb and Huttenlocher 2012. The clearance outside a grid is zero.
+Grids are (rows, columns), row 0 at the lowest y; clearances are metres from a cell's middle to that of the nearest
+occupied cell. The clearance outside a grid is zero.
 
 They release the interpreter lock, so that a plan of a second blocks no other thread. Long searches poll ``stop``, a
 (1,) flag that another thread sets to cancel.
@@ -10,19 +9,17 @@ They release the interpreter lock, so that a plan of a second blocks no other th
 
 from __future__ import annotations
 
+import heapq
 import math
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
-FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
+from robot_stack.core.compiled import compiled
+
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
 
-_FAR = 1e12
 # Steps of a search between two polls of ``stop``: some milliseconds.
 _LOOK = 4096
 # Cells that the flood from the goal expands per cell of the search, and the number of cells of the search without
@@ -31,64 +28,12 @@ _FLOOD, _STALLED = 4, 40_000
 _ESCAPE_COST = 20.0
 
 
-def compiled(function: FunctionT) -> FunctionT:
-    return cast(FunctionT, numba.njit(cache=True, fastmath=False, nogil=True)(function))
-
-
-@compiled
-def _parabolas(values: Floats, out: Floats, where: npt.NDArray[np.int64], bounds: Floats) -> None:
-    """One row of the squared distance transform: the lower envelope of parabolas rooted at ``values``."""
-    n, k = len(values), 0
-    where[0], bounds[0], bounds[1] = 0, -_FAR, _FAR
-    for q in range(1, n):
-        root = values[q] + q * q
-        s = (root - values[where[k]] - where[k] * where[k]) / (2.0 * (q - where[k]))
-        while s <= bounds[k]:
-            k -= 1
-            s = (root - values[where[k]] - where[k] * where[k]) / (2.0 * (q - where[k]))
-        k += 1
-        where[k], bounds[k], bounds[k + 1] = q, s, _FAR
-    k = 0
-    for q in range(n):
-        while bounds[k + 1] < q:
-            k += 1
-        out[q] = (q - where[k]) ** 2 + values[where[k]]
-
-
-@compiled
-def distances(occupied: npt.NDArray[np.bool_], resolution_m: float, most_m: float) -> Singles:
-    """(rows, columns) metres to the nearest occupied cell, at most ``most_m``."""
-    rows, columns = occupied.shape
-    out = np.empty((rows, columns), np.float32)
-    most_cells = most_m / resolution_m + 1.0
-    # Along columns a distance is a count; along rows it needs the envelope.
-    for c in range(columns):
-        gap = most_cells
-        for r in range(rows):
-            gap = 0.0 if occupied[r, c] else min(gap + 1.0, most_cells)
-            out[r, c] = gap
-        gap = most_cells
-        for r in range(rows - 1, -1, -1):
-            gap = 0.0 if occupied[r, c] else min(gap + 1.0, most_cells)
-            out[r, c] = min(out[r, c], np.float32(gap))
-    size = columns + 1
-    values, line = np.empty(columns), np.empty(columns)
-    where, bounds = np.empty(size, np.int64), np.empty(size + 1)
-    for r in range(rows):
-        for c in range(columns):
-            values[c] = float(out[r, c]) ** 2
-        _parabolas(values, line, where, bounds)
-        for c in range(columns):
-            out[r, c] = min(most_m, math.sqrt(line[c]) * resolution_m)
-    return out
-
-
-@compiled
+@compiled(nogil=True)
 def clearance_at(field: Singles, resolution_m: float, origin_x: float, origin_y: float, x: float, y: float) -> float:
     return _between_cells(field, (x - origin_x) / resolution_m, (y - origin_y) / resolution_m, 0.0)
 
 
-@compiled
+@compiled(nogil=True)
 def _between_cells(field: Singles, u: float, v: float, outside: float) -> float:
     """Bilinear interpolation between cell centres: a cell's own value may be off by most of its size.
 
@@ -106,7 +51,7 @@ def _between_cells(field: Singles, u: float, v: float, outside: float) -> float:
     return (1.0 - b) * low + b * high
 
 
-@compiled
+@compiled(nogil=True)
 def footprint_clearance(
     field: Singles, resolution_m: float, ox: float, oy: float, outline: Floats, pose: Floats, outside_m: float
 ) -> float:
@@ -120,7 +65,7 @@ def footprint_clearance(
     return least
 
 
-@compiled
+@compiled(nogil=True)
 def clearances(
     field: Singles, resolution_m: float, ox: float, oy: float, outline: Floats, poses: Floats, outside_m: float
 ) -> Floats:
@@ -131,7 +76,7 @@ def clearances(
     return out
 
 
-@compiled
+@compiled(nogil=True)
 def _cell_cost(clear: float, unknown: bool, radius: float, prefer: float, near: float, unknown_cost: float) -> float:
     """Cost per metre in a cell, >= 1; negative: closed."""
     if clear < radius:
@@ -143,7 +88,7 @@ def _cell_cost(clear: float, unknown: bool, radius: float, prefer: float, near: 
     return cost
 
 
-@compiled
+@compiled(nogil=True)
 def _block_cost(
     field: Singles,
     unknown: npt.NDArray[np.bool_],
@@ -164,40 +109,7 @@ def _block_cost(
     return _cell_cost(clear, strange, radius, prefer, near, unknown_cost)
 
 
-@compiled
-def _push(keys: Floats, items: npt.NDArray[np.int64], size: int, key: float, item: int) -> int:
-    i = size
-    while i > 0:
-        parent = (i - 1) >> 1
-        if keys[parent] <= key:
-            break
-        keys[i], items[i] = keys[parent], items[parent]
-        i = parent
-    keys[i], items[i] = key, item
-    return size + 1
-
-
-@compiled
-def _pop(keys: Floats, items: npt.NDArray[np.int64], size: int) -> int:
-    """Removes the root; returns the new size."""
-    size -= 1
-    key, item = keys[size], items[size]
-    i = 0
-    while True:
-        child = 2 * i + 1
-        if child >= size:
-            break
-        if child + 1 < size and keys[child + 1] < keys[child]:
-            child += 1
-        if keys[child] >= key:
-            break
-        keys[i], items[i] = keys[child], items[child]
-        i = child
-    keys[i], items[i] = key, item
-    return size
-
-
-@compiled
+@compiled(nogil=True)
 def _enter_cost(
     cost: Singles,
     field: Singles,
@@ -220,7 +132,7 @@ def _enter_cost(
     return entering
 
 
-@compiled
+@compiled(nogil=True)
 def _close_discs(cost: Singles, rows: int, columns: int, blocked: npt.NDArray[np.int64]) -> None:
     for m in range(len(blocked)):
         for r in range(max(0, blocked[m, 0] - blocked[m, 2]), min(rows, blocked[m, 0] + blocked[m, 2] + 1)):
@@ -229,13 +141,13 @@ def _close_discs(cost: Singles, rows: int, columns: int, blocked: npt.NDArray[np
                     cost[r * columns + c] = -1.0
 
 
-@compiled
+@compiled(nogil=True)
 def _octile(row: int, column: int, goal: tuple[int, int]) -> float:
     dr, dc = abs(row - goal[0]), abs(column - goal[1])
     return max(dr, dc) + (math.sqrt(2.0) - 1.0) * min(dr, dc)
 
 
-@compiled
+@compiled(nogil=True)
 def _way_back(parent: npt.NDArray[np.int32], first: int, last: int, columns: int) -> npt.NDArray[np.int64]:
     count, at = 1, last
     while at != first:
@@ -249,7 +161,7 @@ def _way_back(parent: npt.NDArray[np.int32], first: int, last: int, columns: int
     return cells
 
 
-@compiled
+@compiled(nogil=True)
 def astar(
     field: Singles,
     unknown: npt.NDArray[np.bool_],
@@ -285,9 +197,7 @@ def astar(
     first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
     g[first] = 0.0
     parent[first] = first
-    capacity = 1 << 16
-    keys, items = np.empty(capacity), np.empty(capacity, np.int64)
-    size = _push(keys, items, 0, 0.0, first)
+    heap = [(0.0, first)]
     flooded = np.zeros(rows * columns, np.bool_)
     flood = np.empty(rows * columns, np.int32)
     flood_from, flood_to, floods = 0, 0, first != last
@@ -297,7 +207,7 @@ def astar(
         flood[0], flooded[last], flood_to = last, True, 1
     diagonal = math.sqrt(2.0)
     taken, nearest, nearest_at = 0, np.inf, 0
-    while size > 0:
+    while heap:
         taken += 1
         if taken % _LOOK == 0 and stop[0]:
             return np.empty((0, 2), np.int64)
@@ -322,9 +232,7 @@ def astar(
                     if entering >= 0.0:
                         flood[flood_to] = r * columns + c
                         flood_to += 1
-        here = items[0]
-        key = keys[0]
-        size = _pop(keys, items, size)
+        key, here = heapq.heappop(heap)
         if here == last:
             break
         row, column = here // columns, here % columns
@@ -333,10 +241,6 @@ def astar(
             continue  # outdated: a better way was found
         if left < nearest:
             nearest, nearest_at = left, taken
-        if size + 8 >= capacity:
-            more_keys, more_items = np.empty(2 * capacity), np.empty(2 * capacity, np.int64)
-            more_keys[:size], more_items[:size] = keys[:size], items[:size]
-            keys, items, capacity = more_keys, more_items, 2 * capacity
         for i in range(-1, 2):
             for j in range(-1, 2):
                 r, c = row + i, column + j
@@ -355,13 +259,13 @@ def astar(
                 if total < g[there] - 1e-6:
                     g[there] = total
                     parent[there] = here
-                    size = _push(keys, items, size, total + weight * _octile(r, c, goal), there)
+                    heapq.heappush(heap, (total + weight * _octile(r, c, goal), there))
     if parent[last] < 0:
         return np.empty((0, 2), np.int64)
     return _way_back(parent, first, last, columns)
 
 
-@compiled
+@compiled(nogil=True)
 def line_cost(
     field: Singles,
     unknown: npt.NDArray[np.bool_],
@@ -392,7 +296,7 @@ def line_cost(
     return total
 
 
-@compiled
+@compiled(nogil=True)
 def straighten(
     field: Singles,
     unknown: npt.NDArray[np.bool_],
@@ -445,7 +349,7 @@ def straighten(
     return out
 
 
-@compiled
+@compiled(nogil=True)
 def relax(
     field: Singles, resolution_m: float, ox: float, oy: float, points: Floats, radius_m: float, rounds: int
 ) -> Floats:
@@ -461,7 +365,7 @@ def relax(
     return out
 
 
-@compiled
+@compiled(nogil=True)
 def headings(
     free: npt.NDArray[np.bool_], requested: Floats, step_m: Floats, first: int, last: int, turn_cost: float
 ) -> npt.NDArray[np.int64]:
@@ -509,7 +413,7 @@ def headings(
     return out
 
 
-@compiled
+@compiled(nogil=True)
 def free_headings(
     field: Singles, resolution_m: float, ox: float, oy: float, outline: Floats, points: Floats, count: int,
     margin_m: Floats, reach_m: float, inner_m: float,

@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from robot_stack.core.distance_field import clearance_field
 from robot_stack.core.geometry import Pose2
-from robot_stack.navigation.grid_kernels import Singles, distances
+from robot_stack.navigation.grid_kernels import Singles
 from robot_stack.navigation.rollout_kernels import along_poses
 
 Array = npt.NDArray[np.float64]
@@ -74,5 +75,5 @@ def local_map(
 ) -> LocalMap:
     """moving: (rows, columns) lethal cells of pedestrians, whose predicted positions are avoided instead."""
     still = (cells >= LETHAL) & ~moving
-    field = distances(np.ascontiguousarray(still), resolution_m, _FAR_M)
+    field = clearance_field(still, resolution_m, _FAR_M)
     return LocalMap(stamp_s, resolution_m, origin.x, origin.y, cells, field)

@@ -8,9 +8,10 @@ import math
 import numpy as np
 import numpy.typing as npt
 
+from robot_stack.core.distance_field import clearance_field
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.site_map import OCCUPIED, UNKNOWN, Grid
-from robot_stack.navigation.grid_kernels import Singles, clearances, distances
+from robot_stack.navigation.grid_kernels import Singles, clearances
 
 Array = npt.NDArray[np.float64]
 # Largest clearance computed; also the radius in which a seen obstacle changes it.
@@ -29,9 +30,7 @@ class PlanningGrid:
         self.x_m, self.y_m = grid.origin_x_m, grid.origin_y_m
         self.bounded = bounded
         self.unknown = np.ascontiguousarray(grid.occupancy == UNKNOWN)
-        self.known_field: Singles = distances(
-            np.ascontiguousarray(grid.occupancy == OCCUPIED), grid.resolution_m, FAR_M
-        )
+        self.known_field: Singles = clearance_field(grid.occupancy == OCCUPIED, grid.resolution_m, FAR_M)
         self.field = self.known_field
         self._changed: tuple[slice, slice] | None = None
 
@@ -73,7 +72,7 @@ class PlanningGrid:
         occupied = np.zeros(tuple(high - low), np.bool_)
         occupied[tuple((cells - low).T)] = True
         window = slice(low[0], high[0]), slice(low[1], high[1])
-        seen = distances(occupied, self.resolution_m, FAR_M)
+        seen = clearance_field(occupied, self.resolution_m, FAR_M)
         self.field[window] = np.minimum(self.known_field[window], seen)
         self._changed = window
 

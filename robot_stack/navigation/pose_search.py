@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
-FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
+from robot_stack.core.compiled import compiled
+
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 
@@ -23,11 +21,7 @@ _LOOK = 4096
 _ROWS, _COLUMNS = (0, 0, 1, -1, 1, 1, -1, -1), (1, -1, 0, 0, 1, -1, 1, -1)
 
 
-def compiled(function: FunctionT) -> FunctionT:
-    return cast(FunctionT, numba.njit(cache=True, nogil=True)(function))
-
-
-@compiled
+@compiled(nogil=True)
 def search_poses(
     free: npt.NDArray[np.bool_],
     cost: Floats,

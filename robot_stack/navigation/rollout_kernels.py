@@ -1,32 +1,25 @@
 """Compiled loops of the local controller: candidate motions along the route, rolled out and scored.
 
-All compiled functions that call each other live in this file: numba's cache checks one file only. Everything is in
-the costmap's frame. A candidate is (offset, speed share, heading offset): drive along the route at this distance to its
-left, at this share of the allowed speed, turned by this angle. The rollout is closed-loop under the acceleration
-limits, so that every candidate is feasible.
+Everything is in the costmap's frame. A candidate is (offset, speed share, heading offset): drive along the route at
+this distance to its left, at this share of the allowed speed, turned by this angle. The rollout is closed-loop under
+the acceleration limits, so that every candidate is feasible.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, TypeVar, cast
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
-FunctionT = TypeVar("FunctionT", bound=Callable[..., Any])
+from robot_stack.core.compiled import compiled
+
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
 
 # Columns of a route: x, y, yaw, arc length, largest speed there.
 _X, _Y, _YAW, _ALONG, _SPEED = 0, 1, 2, 3, 4
 COLLISION = 1e3
-
-
-def compiled(function: FunctionT) -> FunctionT:
-    return cast(FunctionT, numba.njit(cache=True, fastmath=False)(function))
 
 
 @compiled

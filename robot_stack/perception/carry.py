@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.geometry import Pose2
 from robot_stack.perception.polar import PI, angle_of
 
@@ -27,7 +27,7 @@ def carried(xyz: Float, step: Pose2, sensor_xy_m: tuple[float, float], covered: 
     return moved[:count]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _carry(xyz: Float, motion: Any, sensor: Float, covered: Any, moved: Float) -> int:
     c, s, dx, dy = motion[0], motion[1], motion[2], motion[3]
     sectors, count = len(covered), 0

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.robot import Footprint, Mast, Robot
 from robot_stack.perception.params import CropParams
@@ -76,7 +76,7 @@ def readable(points: Points, *names: str) -> list[Float]:
     return [np.array(column) for column in columns]
 
 
-@numba.njit(cache=True)
+@compiled
 def _crop(
     x: Float,
     y: Float,

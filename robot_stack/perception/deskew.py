@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2, exp_se2
 from robot_stack.core.pose_history import PoseHistory
 from robot_stack.perception.params import DeskewParams
@@ -145,7 +145,7 @@ def deskew(xyz: Float, times: Float, steps: Float, step_s: float, out: Float | N
     return moved
 
 
-@numba.njit(cache=True)
+@compiled
 def _deskew(xyz: Float, times: Float, steps: Float, step_s: Any, moved: Float) -> None:
     last = len(steps) - 1
     matrix, known_s = np.empty((3, 4), np.float32), np.float32(np.nan)

@@ -12,10 +12,10 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.core.robot import Robot
 from robot_stack.perception.cells import DROP, EMPTY, FLOOR, GROUND, HIGH, KERB, LOW, OBSTACLE, STEP, TALL, UNKNOWN
@@ -163,7 +163,7 @@ def classify(
     return labels, height
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _follow(
     cells: Float,
     active: Int,
@@ -274,7 +274,7 @@ def _follow(
                 break
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _ask_neighbours(
     s: int, sectors: int, upper: Float, lower: Float, firm: Float, at: Float, seed_d: Float, rise: Any
 ) -> None:
@@ -288,7 +288,7 @@ def _ask_neighbours(
         _narrow(s, upper, lower, firm, upper[other] + rise, lower[other] - rise, firm[other] - rise)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _ask_both_sides(s: int, sectors: int, upper: Float, lower: Float, firm: Float, seen: Any, rise: Any) -> None:
     """In a sector whose first surface is seen, the nearest ground on both sides bounds the cone.
 
@@ -308,7 +308,7 @@ def _ask_both_sides(s: int, sectors: int, upper: Float, lower: Float, firm: Floa
     _narrow(s, upper, lower, firm, high, deep, base)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _narrow(s: int, upper: Float, lower: Float, firm: Float, high: Any, deep: Any, base: Any) -> None:
     """Narrows a cone to bounds of its upper, lower and firm height, unless these contradict it."""
     if deep <= upper[s] and high >= lower[s]:
@@ -316,7 +316,7 @@ def _narrow(s: int, upper: Float, lower: Float, firm: Float, high: Any, deep: An
         firm[s] = min(max(firm[s], base), upper[s])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _edge(last_d: Any, last_z: Any, d: Any, z: Any, sensor: Any, seen: bool) -> Any:
     """Edge between the last ground and the first point below: the ray to that point passed over the edge.
 
@@ -330,7 +330,7 @@ def _edge(last_d: Any, last_z: Any, d: Any, z: Any, sensor: Any, seen: bool) -> 
     return latest
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _classify(
     cell: Int, z: Float, distance: Float, cells: Float, kind: Bytes, p: Float, labels: Bytes, height: Float
 ) -> None:

@@ -11,10 +11,10 @@ import math
 from dataclasses import replace
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.point_cloud import Points
 from robot_stack.perception.crop import readable
 from robot_stack.perception.params import MixedPixelParams
@@ -62,7 +62,7 @@ class ChairEdges:
         return xyz[kept]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _direction(x: Any, y: Any, z: Any, rows: int, columns: int) -> tuple[int, int]:
     """Row by elevation, column by azimuth."""
     up = angle_of(z, np.float32(math.sqrt(x * x + y * y))) + HALF_PI
@@ -71,7 +71,7 @@ def _direction(x: Any, y: Any, z: Any, rows: int, columns: int) -> tuple[int, in
     return row, column
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _mark(x: Float, y: Float, z: Float, mount: Float, turn: Float, box: Float, own: Any) -> None:
     rows, columns = own.shape
     for i in range(len(x)):
@@ -84,7 +84,7 @@ def _mark(x: Float, y: Float, z: Float, mount: Float, turn: Float, box: Float, o
             own[row, column] = True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _find(xyz: Float, mount: Float, own: Any, found: Any) -> None:
     rows, columns = own.shape
     for i in range(len(xyz)):
@@ -95,7 +95,7 @@ def _find(xyz: Float, mount: Float, own: Any, found: Any) -> None:
                     found[i] = True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _keep_dense(xyz: Float, reach: Any, cell: Any, least: int, kept: Any) -> None:
     """Also keeps points with ``least`` points in their cell and the eight beside it, in plan, and far points."""
     size = int(np.float32(2.0) * reach / cell) + 1

@@ -13,10 +13,10 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.perception.cells import DROP, EMPTY, FLOOR, STEP, TALL
 from robot_stack.perception.params import GroundParams
 from robot_stack.perception.polar import COUNT, DISTANCE, GROUND_M, HEIGHT, RISE, TOP, Cells
@@ -72,7 +72,7 @@ def look_again(
     _find_decks(cells.values, cells.sectors, slope, np.float32(params.deck_m), kind)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _find_steps(
     cells: Float,
     active: Int,
@@ -136,7 +136,7 @@ def _find_steps(
                 row[m, RISE] = over
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _may_rise(row: Float, back: int, i: int, count: int, node: Any, rise: Any, gap: Any) -> bool:
     """A fast test, with half of the rise and a slope from two cells, that skips most even ground."""
     k = node[i]
@@ -153,7 +153,7 @@ def _may_rise(row: Float, back: int, i: int, count: int, node: Any, rise: Any, g
     return False
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _line(row: Float, i: int, node: Any, length: Any, slope: Any) -> tuple[Any, Any, Any, Any]:
     """The ground up to node i: its middle, its slope (no steeper than ground can be) and its length."""
     weight, sum_d, sum_z = np.float32(0.0), np.float32(0.0), np.float32(0.0)
@@ -181,7 +181,7 @@ def _line(row: Float, i: int, node: Any, length: Any, slope: Any) -> tuple[Any, 
     return middle_d, middle_z, min(max(tilt, -slope), slope), end - row[node[first + 1], DISTANCE]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _goes_on(
     row: Float,
     at: int,
@@ -207,7 +207,7 @@ def _goes_on(
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _take_steps(cells: Float, active: Int, kind: Bytes, free: Float) -> None:
     """Accepts steps with a raised cell in a direction beside them."""
     sectors, rings = kind.shape
@@ -237,7 +237,7 @@ def _take_steps(cells: Float, active: Int, kind: Bytes, free: Float) -> None:
                     free[s] = d
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _find_slopes(cells: Float, active: Int, slope: Any, steep: Any, length: Any, off: Any, kind: Bytes) -> None:
     """Cells above the cone that lie on an even slope with the cells before or behind them become ground."""
     rings = kind.shape[1]
@@ -264,7 +264,7 @@ def _find_slopes(cells: Float, active: Int, slope: Any, steep: Any, length: Any,
                 kind[s, node[i]], row[node[i], GROUND_M] = FLOOR, row[node[i], HEIGHT]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _is_even(
     row: Float, at: int, count: int, node: Any, share: Any, slope: Any, steep: Any, length: Any, off: Any
 ) -> bool:
@@ -302,7 +302,7 @@ def _is_even(
     return True
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _find_decks(cells: Float, active: Int, slope: Any, least: Any, kind: Bytes) -> None:
     """Decks become ground. The first cells of a deck stay the obstacle if it begins with a jump whose side was not
     seen."""
@@ -335,7 +335,7 @@ def _find_decks(cells: Float, active: Int, slope: Any, least: Any, kind: Bytes) 
             before = k
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _joins(cells: Float, s: int, before: int, after: int, slope: Any, least: Any) -> bool:
     """True if two cells of a direction can be one surface no steeper than a ramp."""
     away = cells[s, after, DISTANCE] - cells[s, before, DISTANCE]

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.perception.cells import KERB, OBSTACLE
 
 Float = NDArray[np.float32]
@@ -34,14 +34,14 @@ def raised(xyz: Float, labels: NDArray[np.uint8]) -> Float:
     return chosen[: _raised(xyz, labels, chosen)]
 
 
-@numba.njit(cache=True, inline="always")
+@compiled(inline="always")
 def whole_below(value: Any) -> Any:
     """floor() as an int64: libm's floor for each coordinate took half of the time."""
     number = np.int64(value)
     return number - np.int64(value < number)
 
 
-@numba.njit(cache=True)
+@compiled
 def _raised(xyz: Float, labels: NDArray[np.uint8], chosen: Float) -> int:
     count = 0
     for i in range(len(labels)):
@@ -51,7 +51,7 @@ def _raised(xyz: Float, labels: NDArray[np.uint8], chosen: Float) -> int:
     return count
 
 
-@numba.njit(cache=True)
+@compiled
 def _voxels(xyz: Float, size: Any, far: Any, far_size: Any, slots: int, centroids: Float) -> int:
     keys = np.full(slots, _EMPTY, np.int64)
     numbers = np.empty(slots, np.int32)

@@ -7,10 +7,10 @@ import zlib
 from collections import deque
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.robot import Robot
@@ -124,7 +124,7 @@ def _wide(found: NDArray[np.bool_], least: int) -> NDArray[np.bool_]:
     return wide[least:-least]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _count(x: Any, y: Any, z: Any, least: Any, slope: Any, counts: Int, low: Int) -> None:
     """Returns by sector; low: of beams that lead down by more than ``slope``, in finer directions."""
     per_rad, fine = np.float32(len(low) / (2.0 * math.pi)), len(low) // len(counts)

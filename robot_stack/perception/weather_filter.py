@@ -16,10 +16,10 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.perception.params import ObstacleParams
 from robot_stack.perception.voxel import whole_below
@@ -74,7 +74,7 @@ def crowd_of(sensor: RangeSensor, params: ObstacleParams, range_m: float) -> Cro
     return Crowd(mount, least, params.neighbourhood_m, rise_rad, few, many, params.doubt_share, range_m)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _split(
     xyz: Float,
     sensor: Float,
@@ -136,13 +136,13 @@ def _split(
     return found, left
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def _needed(point: Float, sensor: Float, returns: Any, least: int, most: int) -> Any:
     dx, dy, dz = point[0] - sensor[0], point[1] - sensor[1], point[2] - sensor[2]
     return min(max(returns / (dx * dx + dy * dy + dz * dz), np.float32(least)), np.float32(most))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _together(
     xyz: Float,
     unsure: NDArray[np.int32],

@@ -8,12 +8,10 @@ clocks): the position of a telegram is the target one cycle later.
 
 from __future__ import annotations
 
-from typing import Any
-
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from sim.plant.drive_loops import (
     ALARM,
     ON,
@@ -50,11 +48,7 @@ _BLOCKED_TORQUE = 10.0  # of the motor's limit: what a jammed joint holds
 MODE_POSITION = 0
 
 
-def _compiled(function: Any) -> Any:
-    return numba.njit(cache=True, fastmath=False)(function)
-
-
-@_compiled
+@compiled
 def _brake(i: int, dt: float, p: Matrix, s: Matrix) -> bool:
     """Moves the brake. True while it holds a powered joint."""
     if _powered(i, s):
@@ -70,7 +64,7 @@ def _brake(i: int, dt: float, p: Matrix, s: Matrix) -> bool:
     return False
 
 
-@_compiled
+@compiled
 def _torque(
     i: int, dt: float, mode: int, target: float, speed: float, load: float, preset: float, p: Matrix, s: Matrix
 ) -> float:
@@ -93,14 +87,14 @@ def _torque(
     return float(_control(i, dt, requested, feedforward, p, s))
 
 
-@_compiled
+@compiled
 def observe_joints(dt: float, qpos: Matrix, qpos_index: NDArray[np.int64], p: Matrix, s: Matrix) -> None:
     """Reads the encoders after a step of the physics, for the next telegram."""
     for i in range(qpos_index.shape[0]):
         _observe(i, qpos[qpos_index[i]], dt, p, s)
 
 
-@_compiled
+@compiled
 def step_joints(
     dt: float,
     qvel: Matrix,

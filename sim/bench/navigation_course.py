@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import Footprint
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
@@ -195,7 +195,7 @@ def course(seed: int, footprint: Footprint) -> Course:
     return made
 
 
-@numba.njit(cache=True)
+@compiled
 def _seen(occupied: npt.NDArray[np.bool_], row: float, column: float, rays: int, reach: float) -> npt.NDArray[np.int8]:
     """(rows, columns): -1 unseen, 0 free, 100 first hit of a ray cast from a point given in cells."""
     out = np.full(occupied.shape, np.int8(-1))

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from robot_stack.core.compiled import compiled
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -18,13 +19,13 @@ _GROUND = 0.36
 _AMBIENT, _DIRECT = 0.55, 0.60
 
 
-@numba.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _noise(x: float, y: float, texture: F32) -> float:
     size = texture.shape[0]
     return float(texture[math.floor(y) & (size - 1), math.floor(x) & (size - 1)])
 
 
-@numba.njit(cache=True, inline="always")
+@compiled(inline="always")
 def _paint(across: float, up: float, reflectance: float, kind: float, far_m: float, texture: F32) -> float:
     """Reflectance of a surface at a place (m) on it; texture fades where a pixel covers much of it."""
     if kind == 1.0:  # windows: dark squares in rows
@@ -37,7 +38,7 @@ def _paint(across: float, up: float, reflectance: float, kind: float, far_m: flo
     return reflectance * (1.0 + strength * (grain + _noise(across * 6.0, up * 6.0, texture)))
 
 
-@numba.njit(cache=True)
+@compiled
 def _enter_box(o: F64, d: F64, half: F64) -> tuple[float, int]:
     """Distance along d at which a ray enters a box, and the axis of the face; _FAR if it misses."""
     near, far, axis = -_FAR, _FAR, 0
@@ -57,7 +58,7 @@ def _enter_box(o: F64, d: F64, half: F64) -> tuple[float, int]:
     return near, axis
 
 
-@numba.njit(cache=True)
+@compiled
 def _enter_cylinder(o: F64, d: F64, half: F64) -> float:
     """Distance along d at which a ray meets the side of an upright cylinder; _FAR if it misses."""
     a = d[0] * d[0] + d[1] * d[1]
@@ -72,7 +73,7 @@ def _enter_cylinder(o: F64, d: F64, half: F64) -> float:
     return float(s)
 
 
-@numba.njit(cache=True)
+@compiled
 def cast_backdrop(
     rays: F32,
     camera: F64,

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from robot_stack.core.compiled import compiled
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 
 
-@numba.njit(cache=True)
+@compiled
 def soiled(u: float, v: float, value: float, grids: F64, n: int, dirt: F32, dirt_reflectance: float) -> float:
     """Reflectance with the dirt at a place mixed in, bilinear in the masks."""
     size = dirt.shape[1]

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from robot_stack.core.compiled import compiled
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
@@ -20,7 +21,7 @@ _FLAT = 1e-30  # slopes whose products would underflow or be NaN
 _SMALL_SHIFT = 1e-3  # px: an edge with less motion is static
 
 
-@numba.njit(cache=True)
+@compiled
 def reflectance(u: float, v: float, rect: F64, rim: float, grids: F64, cells: F32) -> float:
     """Reflectance of the panel at a place, BESIDE outside it."""
     if u < rect[0] or u > rect[1] or v < rect[2] or v > rect[3]:
@@ -34,7 +35,7 @@ def reflectance(u: float, v: float, rect: F64, rim: float, grids: F64, cells: F3
     return rim
 
 
-@numba.njit(cache=True)
+@compiled
 def half_plane(middle: float, across: float, down: float) -> float:
     """Share of a unit square in which f > 0, for f with a value in the middle and a slope across and down."""
     a, b = abs(across), abs(down)
@@ -49,7 +50,7 @@ def half_plane(middle: float, across: float, down: float) -> float:
     return 1.0 - corner if middle > 0.0 else corner
 
 
-@numba.njit(cache=True)
+@compiled
 def _summed(middle: float, a: float, b: float) -> float:
     """Integral of ``half_plane`` over the value in the middle from minus infinity, slopes a >= b >= 0."""
     if middle > 0.0:  # the share and that of the other side add up to one
@@ -57,7 +58,7 @@ def _summed(middle: float, a: float, b: float) -> float:
     return _summed_below(middle, a, b)
 
 
-@numba.njit(cache=True)
+@compiled
 def _summed_below(middle: float, a: float, b: float) -> float:
     outer, inner = 0.5 * (a + b), 0.5 * (a - b)
     if middle <= -outer or a <= _FLAT:
@@ -67,7 +68,7 @@ def _summed_below(middle: float, a: float, b: float) -> float:
     return b * b / (6.0 * a) + 0.5 * (middle + inner) + 0.5 * (middle * middle - inner * inner) / a
 
 
-@numba.njit(cache=True)
+@compiled
 def moving_half_plane(middle: float, shift: float, across: float, down: float) -> float:
     """Mean of ``half_plane`` while the value in the middle goes evenly from ``middle`` to ``middle + shift``."""
     a, b = max(abs(across), abs(down)), min(abs(across), abs(down))
@@ -76,7 +77,7 @@ def moving_half_plane(middle: float, shift: float, across: float, down: float) -
     return (_summed(middle + shift, a, b) - _summed(middle, a, b)) / shift
 
 
-@numba.njit(cache=True)
+@compiled
 def _beyond(places: F64, edge: float, moving: bool) -> float:
     """Share of a pixel and its exposure in which a coordinate is above ``edge``. places: (2, 4) at the corners."""
     p = places[0]
@@ -89,7 +90,7 @@ def _beyond(places: F64, edge: float, moving: bool) -> float:
     return moving_half_plane(middle, shift, across, down)
 
 
-@numba.njit(cache=True)
+@compiled
 def _bounds(places: F64, moving: bool) -> tuple[float, float]:
     low, high = places[0, 0], places[0, 0]
     for k in range(2 if moving else 1):
@@ -98,13 +99,13 @@ def _bounds(places: F64, moving: bool) -> tuple[float, float]:
     return low, high
 
 
-@numba.njit(cache=True)
+@compiled
 def _cell(m: int, i: int, j: int, rim: float, cells: F32) -> float:
     n = cells.shape[1]
     return float(cells[m, j, i]) if 0 <= i < n and 0 <= j < n else rim
 
 
-@numba.njit(cache=True)
+@compiled
 def one_edge(u: F64, v: F64, moving: bool, rect: F64, rim: float, grids: F64, cells: F32) -> tuple[bool, float, float]:
     """(True, share of the pixel that the panel covers, mean reflectance of that share) for a pixel with one edge."""
     low_u, high_u = _bounds(u, moving)
@@ -124,7 +125,7 @@ def one_edge(u: F64, v: F64, moving: bool, rect: F64, rim: float, grids: F64, ce
     return False, 0.0, 0.0
 
 
-@numba.njit(cache=True)
+@compiled
 def _inner_edge(
     u: F64,
     v: F64,
@@ -158,7 +159,7 @@ def _inner_edge(
     return True, 1.0, rim
 
 
-@numba.njit(cache=True)
+@compiled
 def many_edges(
     row: int, column: int, u: F64, v: F64, moving: bool, rect: F64, rim: float, grids: F64, cells: F32, samples: F32
 ) -> tuple[float, float]:

@@ -5,16 +5,15 @@ u = (a . r) / (c . r), v = (b . r) / (c . r) with r = (x, y, 1); depth = -o_z / 
 -o_z. They are given at equal steps of time and are linear in between.
 
 The corners of the pixels are labelled with the reflectance found there, in runs that are known to stay within one cell.
-A pixel whose corners agree shows that reflectance; any other lies on an edge (``edges``). numba's cache checks this
-file only: a change of ``edges`` needs one here, or an empty cache.
+A pixel whose corners agree shows that reflectance; any other lies on an edge (``edges``).
 """
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from sim.camera.dirt import soiled
 from sim.camera.edges import BESIDE, many_edges, one_edge
 
@@ -29,7 +28,7 @@ _SMALLEST_RATE = 1e-6
 _HIDDEN_M = 0.03
 
 
-@numba.njit(cache=True)
+@compiled
 def _look(
     u: float, v: float, rect: F64, rim: float, grids: F64, cells: F32, per_u: float, per_v: float
 ) -> tuple[float, int]:
@@ -54,7 +53,7 @@ def _look(
     return rim, max(1, int(steps))
 
 
-@numba.njit(cache=True)
+@compiled
 def map_at(time_s: float, maps: F64, first_s: float, step_s: float, out: F64) -> None:
     """The map's ten numbers at a time."""
     where = (time_s - first_s) / step_s
@@ -64,7 +63,7 @@ def map_at(time_s: float, maps: F64, first_s: float, step_s: float, out: F64) ->
         out[i] = maps[k, i] + part * (maps[k + 1, i] - maps[k, i])
 
 
-@numba.njit(cache=True)
+@compiled
 def _place(x: float, y: float, h: F64) -> tuple[float, float, bool]:
     """(u, v) where a ray meets the panel's plane; False if it does not."""
     w = h[6] * x + h[7] * y + h[8]
@@ -73,7 +72,7 @@ def _place(x: float, y: float, h: F64) -> tuple[float, float, bool]:
     return (h[0] * x + h[1] * y + h[2]) / w, (h[3] * x + h[4] * y + h[5]) / w, True
 
 
-@numba.njit(cache=True)
+@compiled
 def _row_rates(ray: F32, h: F64, col0: int, col1: int) -> tuple[float, float]:
     """The least pixels per metre of u and of v along a row; 0 where the map ends."""
     rate_u, rate_v = _SMALLEST_RATE, _SMALLEST_RATE
@@ -88,7 +87,7 @@ def _row_rates(ray: F32, h: F64, col0: int, col1: int) -> tuple[float, float]:
     return 1.0 / max(rate_u, 0.05 * rate_v), 1.0 / max(rate_v, 0.05 * rate_u)
 
 
-@numba.njit(cache=True)
+@compiled
 def _label_row(
     ray: F32, h: F64, col0: int, col1: int, rect: F64, rim: float, grids: F64, cells: F32, labels: F64, ends: I64
 ) -> None:
@@ -108,7 +107,7 @@ def _label_row(
         i = end
 
 
-@numba.njit(cache=True)
+@compiled
 def _corner_places(ray0: F32, ray1: F32, column: int, early: F64, late: F64, u: F64, v: F64) -> bool:
     """Fills u, v (2, 4) with the places of a pixel's corners at both ends of the exposure; False beyond the horizon."""
     for k in range(4):
@@ -121,7 +120,7 @@ def _corner_places(ray0: F32, ray1: F32, column: int, early: F64, late: F64, u: 
     return True
 
 
-@numba.njit(cache=True)
+@compiled
 def _shade(
     value: float, x: float, y: float, pixel: float, h: F64, light: F64, grids: F64, n: int, dirt: F32, soil: float
 ) -> float:
@@ -141,7 +140,7 @@ def _shade(
     return float(value * bright)
 
 
-@numba.njit(cache=True)
+@compiled
 def draw_panel(
     image: F32,
     rays: F32,

@@ -7,12 +7,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from robot_stack.core.camera import Intrinsics
+from robot_stack.core.compiled import compiled
 from sim.camera.params import CameraParams, load_camera_params
 
 Array = NDArray[np.float64]
@@ -70,7 +70,7 @@ def undistort(intrinsics: Intrinsics, pixels: Array) -> Array:
     return out.reshape(np.shape(pixels))
 
 
-@numba.njit(cache=True)
+@compiled
 def _undistort(pixels: Array, numbers: Array, out: Array) -> None:
     """The distortion's inverse by fixed-point steps, which shrink the error tenfold or better each."""
     fx, fy, cx, cy, k1, k2, p1, p2, k3 = numbers

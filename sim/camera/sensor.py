@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from robot_stack.core.compiled import compiled
 
 F32 = NDArray[np.float32]
 
 
-@numba.njit(cache=True)
+@compiled
 def expose(
     image: F32,
     gain: float,

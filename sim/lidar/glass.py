@@ -17,10 +17,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from sim.lidar.kernels import BLOCK, FIRST_SOLID, GROUND_HIT, MIRROR_HIT, carried
 from sim.lidar.rays import enter
 from sim.lidar.shapes import F32, F64, I16, I64
@@ -28,7 +28,7 @@ from sim.lidar.shapes import F32, F64, I16, I64
 _TINY = 1e-9
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def mirrored_share(cosine: float, index: float) -> float:
     """Of unpolarised light that meets a pane of that refractive index at an angle of that cosine to its normal."""
     inside = math.sqrt(1.0 - (1.0 - cosine * cosine) / (index * index))
@@ -38,7 +38,7 @@ def mirrored_share(cosine: float, index: float) -> float:
     return 2.0 * once / (1.0 + once)  # of both surfaces, to and fro between them
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def look_through(
     chosen: I64,
     uniforms: F64,
@@ -103,7 +103,7 @@ def look_through(
             cosines[c, r] = light / reflectivity_of[hits[c, r]]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _reflect(beam: F64, at: F64, centre: F64, turned: F64, half: F64, back: F64) -> None:
     """back: where the beam goes on from the side of the box that it met."""
     side, most = 0, -1.0
@@ -120,7 +120,7 @@ def _reflect(beam: F64, at: F64, centre: F64, turned: F64, half: F64, back: F64)
         back[i] = beam[i] - 2.0 * along * turned[i, side]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _meet(
     block: int,
     at: F64,

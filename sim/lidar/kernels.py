@@ -9,9 +9,9 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
+from robot_stack.core.compiled import compiled
 from sim.lidar.rays import meet_column, safe
 from sim.lidar.shapes import F32, F64, I16, I64
 from sim.lidar.windows import window_of
@@ -22,7 +22,7 @@ NO_HIT = -1
 _TINY = 1e-12
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def cast_ground(
     azimuths: F64,
     elevations: F64,
@@ -74,7 +74,7 @@ def cast_ground(
                 )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def cast_solids(
     azimuths: F64,
     elevations: F64,
@@ -141,7 +141,7 @@ def cast_solids(
                 )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _ground(
     first: int,
     last: int,
@@ -168,7 +168,7 @@ def _ground(
             cosines[c, r] = fall
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def carried(centre: F64, turned: F64, position: F64, rotation: F64, place: F64, shape: F64) -> None:
     """Pose in map of a shape that a mover carries."""
     for i in range(3):
@@ -180,7 +180,7 @@ def carried(centre: F64, turned: F64, position: F64, rotation: F64, place: F64, 
                 shape[i, j] += rotation[i, k] * turned[k, j]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _rect(
     window: I64,
     column_cos: F64,

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from robot_stack.core.compiled import compiled
 from sim.lidar.kernels import BLOCK, MIRROR_HIT, NO_HIT, WET_HIT, carried
 from sim.lidar.rays import enter
 from sim.lidar.shapes import F32, F64, I16, I64
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def mirror(
     azimuths: F64,
     elevations: F64,

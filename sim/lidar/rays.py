@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
+from robot_stack.core.compiled import compiled
 from sim.lidar.shapes import BOX, F32, F64, I16
 
 _TINY = 1e-12
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def meet_column(
     c: int,
     ring_from: int,
@@ -62,7 +62,7 @@ def meet_column(
             cosines[c, r] = cosine
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def enter(kind: int, origin: F64, beam: F64, place: F64, shape: F64, half: F64) -> tuple[float, float]:
     """Where one ray in map enters one solid, m (inf: it misses), and the cosine to the normal there."""
     ox = oy = oz = dx = dy = dz = 0.0
@@ -79,12 +79,12 @@ def enter(kind: int, origin: F64, beam: F64, place: F64, shape: F64, half: F64) 
     return _enter_cylinder(ox, oy, oz, dx, dy, dz, half[0], half[2])
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def safe(value: float) -> float:
     return value if abs(value) > _TINY else _TINY
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def _enter_box(
     ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, hx: float, hy: float, hz: float
 ) -> tuple[float, float]:
@@ -102,7 +102,7 @@ def _enter_box(
     return near, abs(dz)
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def _enter_cylinder(
     ox: float, oy: float, oz: float, dx: float, dy: float, dz: float, radius: float, half_height: float
 ) -> tuple[float, float]:

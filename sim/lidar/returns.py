@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from sim.lidar.kernels import AIRBORNE_HIT, NO_HIT
 from sim.lidar.labels import NEAR
 from sim.lidar.shapes import F32, F64, I16
@@ -23,13 +23,13 @@ _FULL_SCALE = 255.0
 _COVER_INTENSITY = 5.0
 
 
-@numba.njit(cache=True, error_model="numpy", inline="always")
+@compiled(error_model="numpy", inline="always")
 def _write(row: int, far: float, cos_a: float, sin_a: float, cos_e: float, sin_e: float, words: F32) -> None:
     flat = far * cos_e
     words[row, 0], words[row, 1], words[row, 2] = flat * cos_a, flat * sin_a, far * sin_e
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def returns(
     azimuths: F64,
     elevations: F64,

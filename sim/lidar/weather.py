@@ -19,10 +19,10 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from sim.lidar.kernels import AIRBORNE_HIT, NO_HIT
 from sim.lidar.params import Air, LidarParams
 from sim.lidar.shapes import F32, F64, I16
@@ -102,7 +102,7 @@ def draw(air: Particles, beams: int, random: np.random.Generator) -> tuple[NDArr
     return random.integers(0, beams, count), random.random((count, 2))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def meet(
     chosen: NDArray[np.int64],
     uniforms: F64,

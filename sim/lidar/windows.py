@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import math
 
-import numba
-
+from robot_stack.core.compiled import compiled
 from sim.lidar.shapes import F64, I64
 
 # Margin for rounding at the edge of a solid, beside that for motion.
 _PAD_RAD = 1e-4
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def window_of(
     first: int,
     last: int,
@@ -81,7 +80,7 @@ def window_of(
     return bool(window[2] < window[3])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _motion(first: int, last: int, middle: int, origins: F64, rotations: F64) -> tuple[float, float]:
     """Largest motion (m) and turn (rad) of the sensor between the middle of a block and its ends."""
     step_m, turn = 0.0, 0.0
@@ -96,7 +95,7 @@ def _motion(first: int, last: int, middle: int, origins: F64, rotations: F64) ->
     return step_m, 1.05 * turn
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _distances(origin: F64, place: F64, shape: F64, half: F64) -> tuple[float, float]:
     """From a point to the nearest and to the farthest point of a box, m."""
     near2, far2 = 0.0, 0.0

@@ -12,11 +12,11 @@ torques Nm, times s, all at the joint.
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from robot_stack.core.compiled import compiled
 
 Matrix = NDArray[np.float64]
 
@@ -95,11 +95,7 @@ MODE_POSITION = 0
 STANDSTILL_RADPS = 0.02
 
 
-def _compiled(function: Any) -> Any:
-    return numba.njit(cache=True, fastmath=False)(function)
-
-
-@_compiled
+@compiled
 def _observe(i: int, angle: float, dt: float, p: Matrix, s: Matrix) -> None:
     """Counts from the true angle, then a critically damped second-order observer for angle and speed."""
     if s[S_FROZEN, i] == 0.0:
@@ -110,7 +106,7 @@ def _observe(i: int, angle: float, dt: float, p: Matrix, s: Matrix) -> None:
     s[S_SPEED, i] += dt * bandwidth * bandwidth * error
 
 
-@_compiled
+@compiled
 def _enter(i: int, state: int, s: Matrix) -> None:
     s[S_STATE, i] = state
     s[S_TIMER, i] = 0.0
@@ -118,19 +114,19 @@ def _enter(i: int, state: int, s: Matrix) -> None:
     s[S_OVERLOAD_TIMER, i] = 0.0
 
 
-@_compiled
+@compiled
 def _raise_alarm(i: int, code: int, s: Matrix) -> None:
     s[S_ALARM_CODE, i] = code
     s[S_CLEAR_TIMER, i] = 0.0
     _enter(i, ALARM, s)
 
 
-@_compiled
+@compiled
 def _powered(i: int, s: Matrix) -> bool:
     return bool(s[S_STATE, i] == ON or s[S_STATE, i] == STOPPING)
 
 
-@_compiled
+@compiled
 def _supervise(
     i: int, dt: float, servo_on: bool, mode: int, target: float, speed: float, clear: bool, p: Matrix, s: Matrix
 ) -> None:
@@ -176,7 +172,7 @@ def _supervise(
         s[S_SPEED_COMMAND, i] = s[S_SPEED, i]
 
 
-@_compiled
+@compiled
 def _speed_command(i: int, dt: float, mode: int, target: float, speed: float, p: Matrix, s: Matrix) -> float:
     """Set point of the speed loop, within the drive's speed limit."""
     if s[S_STATE, i] == STOPPING:
@@ -190,7 +186,7 @@ def _speed_command(i: int, dt: float, mode: int, target: float, speed: float, p:
     return float(min(limit, max(-limit, requested)))
 
 
-@_compiled
+@compiled
 def _brake(i: int, dt: float, requested: float, p: Matrix, s: Matrix) -> bool:
     """Moves the holding brake. True while the shaft is not free, so that the motor must give no torque."""
     if p[P_HAS_BRAKE, i] == 0.0:
@@ -214,7 +210,7 @@ def _brake(i: int, dt: float, requested: float, p: Matrix, s: Matrix) -> bool:
     return bool(s[S_BRAKE_CLOSED, i] > 0.0)
 
 
-@_compiled
+@compiled
 def _torque_limit(i: int, torque: float, speed: float, p: Matrix) -> float:
     """The motor's limit: flat to the corner speed, then falling to zero at the speed limit; full when braking."""
     peak = float(p[P_MAX_TORQUE, i])
@@ -224,7 +220,7 @@ def _torque_limit(i: int, torque: float, speed: float, p: Matrix) -> float:
     return peak * float(max(0.0, left))
 
 
-@_compiled
+@compiled
 def _control(i: int, dt: float, requested: float, feedforward: float, p: Matrix, s: Matrix) -> float:
     """Speed PI with feed-forward; the integral is frozen while the torque is at its limit."""
     error = requested - s[S_SPEED, i]
@@ -238,7 +234,7 @@ def _control(i: int, dt: float, requested: float, feedforward: float, p: Matrix,
     return float(torque)
 
 
-@_compiled
+@compiled
 def step_drives(
     dt: float,
     qpos: Matrix,
@@ -294,7 +290,7 @@ def step_drives(
         s[S_SILENCE, i] += dt
 
 
-@_compiled
+@compiled
 def fill_feedback(
     p: Matrix,
     s: Matrix,

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from robot_stack.core.compiled import compiled
 
 F64 = NDArray[np.float64]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def interpolate(knots_s: F64, poses: F64, times_s: F64, mounted: F64, place: F64, turn: F64) -> None:
     """Fills place (k, 3) and turn (k, 3, 3) with the pose of ``mounted`` (4, 4) on a body, at (k,) rising times.
 
@@ -41,7 +42,7 @@ def interpolate(knots_s: F64, poses: F64, times_s: F64, mounted: F64, place: F64
                 )
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _quaternion(m: F64, q: F64) -> None:
     """Of a rotation matrix, w x y z; the largest component first, which avoids small divisors (Shepperd)."""
     trace = m[0, 0] + m[1, 1] + m[2, 2]
@@ -61,7 +62,7 @@ def _quaternion(m: F64, q: F64) -> None:
     q[1 + j], q[1 + k] = (m[j, i] + m[i, j]) / s, (m[k, i] + m[i, k]) / s
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _slerp(a: F64, b: F64, share: float, mixed: F64) -> None:
     cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
     sign = -1.0 if cosine < 0.0 else 1.0
@@ -77,7 +78,7 @@ def _slerp(a: F64, b: F64, share: float, mixed: F64) -> None:
         mixed[i] /= math.sqrt(norm)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _matrix(q: F64, m: F64) -> None:
     w, x, y, z = q[0], q[1], q[2], q[3]
     m[0, 0], m[0, 1], m[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)

@@ -10,7 +10,6 @@ from nav_msgs.msg import OccupancyGrid
 from robot_stack.contract import frames, topics
 from robot_stack.costmap.costmap import LocalCostmap, Space, space_problem
 from robot_stack.costmap.params import CostmapParams
-from robot_stack.costmap.warm_up import warm_up
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.middleware.node import StackNode, run
 from robot_stack.middleware.wheelchair import WheelchairInput
@@ -22,7 +21,6 @@ class CostmapServerNode(StackNode):
 
     def __init__(self) -> None:
         super().__init__("costmap_server", CostmapParams)
-        warm_up()
         self._costmap = LocalCostmap(self.params, self.robot)
         self._problem = ""
         self._grid = self.advertise(topics.LOCAL_COSTMAP)

@@ -8,8 +8,6 @@ intersect in the corners, and the whole is repeated from there.
 The position of a step within a window is taken from its area: with plateaus D (black) and B (white) at the two ends,
 sum((I - D) / (B - D)) is the length of the white part. Bilinear samples spaced 1 / n pixel make this sum exact for any
 position of an edge along the pixel grid, so that frontal markers show no pixel-phase bias.
-
-All compiled functions that call each other live in this file: numba's cache tracks changes of one file only.
 """
 
 from __future__ import annotations
@@ -17,11 +15,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.core.camera import Intrinsics
+from robot_stack.core.compiled import compiled
 
 Array = NDArray[np.float64]
 
@@ -38,16 +36,12 @@ _TUKEY = 4.685  # 95 % efficiency on normal errors
 _MAD_TO_SIGMA = 1.4826
 
 
-def _compiled(function: Any) -> Any:
-    return numba.njit(cache=True, fastmath=False)(function)
-
-
 def camera_vector(intrinsics: Intrinsics) -> Array:
     """(9,) fx, fy, cx, cy, k1, k2, p1, p2, k3: input of the compiled functions."""
     return np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy, *intrinsics.distortion])
 
 
-@_compiled
+@compiled
 def _distort(camera: Array, x: float, y: float) -> tuple[float, float]:
     """Normalised coordinates to pixels (Brown-Conrady)."""
     r2 = x * x + y * y
@@ -57,7 +51,7 @@ def _distort(camera: Array, x: float, y: float) -> tuple[float, float]:
     return camera[0] * xd + camera[2], camera[1] * yd + camera[3]
 
 
-@_compiled
+@compiled
 def _undistort(camera: Array, u: float, v: float) -> tuple[float, float]:
     """Pixels to normalised coordinates by fixed-point iteration, to 1e-12 where the lens is ordinary."""
     xd, yd = (u - camera[2]) / camera[0], (v - camera[3]) / camera[1]
@@ -75,7 +69,7 @@ def _undistort(camera: Array, u: float, v: float) -> tuple[float, float]:
     return x, y
 
 
-@_compiled
+@compiled
 def undistort_points(camera: Array, points: Array) -> Array:
     """(n, 2) pixels to (n, 2) normalised coordinates."""
     out = np.empty_like(points)
@@ -84,7 +78,7 @@ def undistort_points(camera: Array, points: Array) -> Array:
     return out
 
 
-@_compiled
+@compiled
 def distort_points(camera: Array, points: Array) -> Array:
     """(n, 2) normalised coordinates to (n, 2) pixels."""
     out = np.empty_like(points)
@@ -93,7 +87,7 @@ def distort_points(camera: Array, points: Array) -> Array:
     return out
 
 
-@_compiled
+@compiled
 def _profile(image: Any, u: float, v: float, gu: float, gv: float, half: int, out: Array) -> bool:
     """Bilinear samples at (u, v) + t (gu, gv), t = -half..half steps. False if one would lie outside the image."""
     height, width = image.shape
@@ -110,7 +104,7 @@ def _profile(image: Any, u: float, v: float, gu: float, gv: float, half: int, ou
     return True
 
 
-@_compiled
+@compiled
 def _step_position(profile: Array, half: int) -> tuple[float, float]:
     """(offset of the step from the window's middle in px, positive outwards; contrast white - black)."""
     plateau = 3 if half >= 6 else 2
@@ -128,7 +122,7 @@ def _step_position(profile: Array, half: int) -> tuple[float, float]:
     return (half + 0.5) * _STEP_PX - total / contrast * _STEP_PX, contrast
 
 
-@_compiled
+@compiled
 def _robust_line(u: Array, v: Array, n: int, floor: float) -> tuple[float, float, float, float]:
     """v = a + b u by a median start and Tukey's weights: (a, b, scatter, effective number of samples)."""
     # Slopes of pairs half the length apart: their median bears a quarter of bad samples.
@@ -160,7 +154,7 @@ def _robust_line(u: Array, v: Array, n: int, floor: float) -> tuple[float, float
     return a, b, sigma, weight_sum
 
 
-@_compiled
+@compiled
 def _fit_side(
     image: Any, camera: Array, a: Array, b: Array, half: int, samples: int, limits: Array, out: Array
 ) -> None:
@@ -222,7 +216,7 @@ def _fit_side(
     out[NX], out[NY], out[C], out[SCATTER], out[COUNT] = lx, ly, lx * px + ly * py, scatter, count
 
 
-@_compiled
+@compiled
 def _intersect(sides: Array, corners: Array) -> None:
     """Moves each corner to where its two sides meet, if both are known."""
     for k in range(4):
@@ -235,7 +229,7 @@ def _intersect(sides: Array, corners: Array) -> None:
             corners[k, 1] = (p[NX] * q[C] - q[NX] * p[C]) / determinant
 
 
-@_compiled
+@compiled
 def _half_window(camera: Array, corners: Array, side: int, widest_px: float) -> int:
     """Steps to each side of an edge: within the black border's width, seen across this side."""
     k = (side + 1) % 4
@@ -247,7 +241,7 @@ def _half_window(camera: Array, corners: Array, side: int, widest_px: float) -> 
     return int(min(max(0.45 * cell_px, 1.5), widest_px) / _STEP_PX)
 
 
-@_compiled
+@compiled
 def fit_sides(image: Any, camera: Array, corners: Array, widths_px: Array, limits: Array) -> Array:
     """Fits the four sides of each marker.
 

@@ -12,11 +12,11 @@ object in the camera frame.
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from robot_stack.core.compiled import compiled
 
 Array = NDArray[np.float64]
 
@@ -24,11 +24,7 @@ _ITERATIONS = 30
 _HUBER = 2.5  # standard deviations
 
 
-def _compiled(function: Any) -> Any:
-    return numba.njit(cache=True, fastmath=False)(function)
-
-
-@_compiled
+@compiled
 def _rotation(w: Array) -> Array:
     """exp of a rotation vector (Rodrigues)."""
     angle = math.sqrt(w[0] * w[0] + w[1] * w[1] + w[2] * w[2])
@@ -49,7 +45,7 @@ def _rotation(w: Array) -> Array:
     return turn
 
 
-@_compiled
+@compiled
 def _product(a: Array, b: Array) -> Array:
     """(3, 3) a b."""
     out = np.zeros((3, 3))
@@ -60,7 +56,7 @@ def _product(a: Array, b: Array) -> Array:
     return out
 
 
-@_compiled
+@compiled
 def _apply(rotation: Array, point: Array) -> tuple[float, float, float]:
     """rotation point."""
     x, y, z = point[0], point[1], point[2]
@@ -71,7 +67,7 @@ def _apply(rotation: Array, point: Array) -> tuple[float, float, float]:
     )
 
 
-@_compiled
+@compiled
 def _solve_normal(h: Array, g: Array, out: Array) -> bool:
     """out = -h^-1 g by Cholesky's decomposition; False if h is not positive definite."""
     n = h.shape[0]
@@ -100,7 +96,7 @@ def _solve_normal(h: Array, g: Array, out: Array) -> bool:
     return True
 
 
-@_compiled
+@compiled
 def _moved(p: tuple[float, float, float], late: float, twist: Array) -> tuple[float, float, float]:
     """A point of the camera frame, moved on by a twist for a short time."""
     x, y, z = p
@@ -111,7 +107,7 @@ def _moved(p: tuple[float, float, float], late: float, twist: Array) -> tuple[fl
     )
 
 
-@_compiled
+@compiled
 def residuals(
     points: Array, lines: Array, weights: Array, late: Array, twist: Array, rotation: Array, translation: Array
 ) -> Array:
@@ -127,7 +123,7 @@ def residuals(
     return out
 
 
-@_compiled
+@compiled
 def _huber(r: Array) -> float:
     """Huber's cost; infinite with a NaN."""
     cost = 0.0
@@ -139,7 +135,7 @@ def _huber(r: Array) -> float:
     return cost
 
 
-@_compiled
+@compiled
 def _normal_equations(
     points: Array, lines: Array, weights: Array, late: Array, twist: Array, rotation: Array, translation: Array
 ) -> tuple[Array, Array]:
@@ -163,7 +159,7 @@ def _normal_equations(
     return h, g
 
 
-@_compiled
+@compiled
 def solve(
     points: Array, lines: Array, weights: Array, late: Array, twist: Array, rotation: Array, translation: Array
 ) -> tuple[Array, Array, float, Array]:

@@ -1,12 +1,12 @@
-"""Converts a frame to points. The compiled loop takes arrays only: numba's cache tracks changes of one file only."""
+"""Converts a frame to points."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.point_cloud import SWEEP, Points
 from robot_stack.drivers.ouster.frame import Frame
 from robot_stack.drivers.ouster.geometry import Geometry
@@ -50,8 +50,10 @@ def points_of(frame: Frame, geometry: Geometry, limits: Limits) -> tuple[Points,
     return points[:count], newest_ns
 
 
-@numba.njit(cache=True, nogil=True)
-def _project(steps, reflectivity, order, seconds, geometry, limits, floats, shorts):  # type: ignore[no-untyped-def]
+@compiled(nogil=True)
+def _project(  # type: ignore[no-untyped-def]
+    steps, reflectivity, order, seconds, geometry, limits, floats, shorts
+) -> int:
     """floats, shorts: (n, 6) and (n, 12) views of the points that are written. Returns their number."""
     directions, offsets, columns, rings = geometry
     least, most, step_m = limits

@@ -4,10 +4,10 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 import numpy.typing as npt
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.point_cloud import SWEEP, Points
 
 Floats = npt.NDArray[np.float64]
@@ -44,14 +44,14 @@ def subsample(
     return points
 
 
-@numba.njit(cache=True, nogil=True)
-def _most(bits):
+@compiled(nogil=True)
+def _most(bits: int) -> int:
     """Largest number of voxels in a table: a fuller one would be slow."""
     return 1 << (bits - 1)
 
 
-@numba.njit(cache=True, nogil=True)
-def _subsample(flat, lidar, motion, voxel_m, min_range_m, max_range_m, bits):
+@compiled(nogil=True)
+def _subsample(flat, lidar, motion, voxel_m, min_range_m, max_range_m, bits) -> Floats:
     size = 1 << bits
     mask = size - 1
     limit = _most(bits)

@@ -3,15 +3,16 @@
 A pose moves by increments delta (6,) [translation m, rotation rad], both in the axes of map, the rotation about the
 origin of base_link: x -> exp(rotation) R x + t + translation. Derivatives are taken at delta = 0, where they are exact
 and short.
-Newton's method and its callees live in one file: numba's cache does not detect changes in other files.
 """
 
 # mypy: disable-error-code="no-untyped-def, no-untyped-call, untyped-decorator, no-any-return"
 
 from __future__ import annotations
 
-import numba
 import numpy as np
+import numpy.typing as npt
+
+from robot_stack.core.compiled import compiled
 
 # Beyond this squared Mahalanobis distance a cell's pull is below 1e-6.
 _FAR2 = 28.0
@@ -21,7 +22,7 @@ DY = np.array([0, 0, 0, 1, -1, 0, 0])
 DZ = np.array([0, 0, 0, 0, 0, 1, -1])
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@compiled(nogil=True, inline="always")
 def add_turned(h, axx, axy, axz, ayy, ayz, azz, px, py, pz):
     """Adds J^T a J of one point to the upper half of h, where J = [1 K] and K omega = omega x p."""
     # a K; the columns of K are (0, -pz, py), (pz, 0, -px), (-py, px, 0).
@@ -51,7 +52,7 @@ def add_turned(h, axx, axy, axz, ayy, ayz, azz, px, py, pz):
     h[5, 5] += px * b12 - py * b02
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def fill_symmetric(upper, full):
     """Writes the (6, 6) matrix whose upper half is given."""
     for i in range(6):
@@ -60,7 +61,7 @@ def fill_symmetric(upper, full):
             full[j, i] = upper[i, j]
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def derivatives(points, rotation, position, field, d1, d2, gradient, hessian):
     """The objective; writes its gradient (6,) and Hessian (6, 6) with respect to the increment."""
     gradient[:] = 0.0
@@ -131,8 +132,8 @@ def derivatives(points, rotation, position, field, d1, d2, gradient, hessian):
     return d1 * total
 
 
-@numba.njit(cache=True, nogil=True)
-def turned(rotation, omega):
+@compiled(nogil=True)
+def turned(rotation, omega) -> npt.NDArray[np.float64]:
     """exp(omega) times a rotation matrix (Rodrigues)."""
     angle = np.sqrt(omega[0] ** 2 + omega[1] ** 2 + omega[2] ** 2)
     if angle < 1e-12:
@@ -147,7 +148,7 @@ def turned(rotation, omega):
     return turn @ rotation
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _tilt(rotation, up):
     """Tilt of the measured vertical ``up`` (in base_link), rotated into map, against z: the rotation that levels it."""
     return (
@@ -156,7 +157,7 @@ def _tilt(rotation, up):
     )
 
 
-@numba.njit(cache=True, nogil=True)
+@compiled(nogil=True)
 def _whole(points, rotation, position, field, d1, d2, prior, gradient, hessian):
     """The objective plus the prior, with the derivatives of both."""
     score = derivatives(points, rotation, position, field, d1, d2, gradient, hessian)
@@ -171,8 +172,8 @@ def _whole(points, rotation, position, field, d1, d2, prior, gradient, hessian):
     return score + 0.5 * (prior[3] * (tx * tx + ty * ty) + prior[5] * dz * dz)
 
 
-@numba.njit(cache=True, nogil=True)
-def newton(points, rotation, position, field, d1, d2, prior, limits):
+@compiled(nogil=True)
+def newton(points, rotation, position, field, d1, d2, prior, limits) -> tuple[float, int, bool, int]:
     """Minimises the objective plus the prior; moves rotation and position in place.
 
     prior: (6,) vertical in base_link (3), its weight 1/rad2, height m, its weight 1/m2. limits: [iterations, longest

@@ -4,14 +4,14 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from robot_stack.core.compiled import compiled
 from robot_stack.localization.ndt.kernels import DX, DY, DZ, add_turned, fill_symmetric
 
 
-@numba.njit(cache=True, nogil=True)
-def judge(points, rotation, position, field, above_ground_m, explained2, information):
+@compiled(nogil=True)
+def judge(points, rotation, position, field, above_ground_m, explained2, information) -> tuple[int, int, int, float]:
     """How well the pose explains the points above the ground; adds up the information on the pose (6, 6).
 
     Returns (structure points, explained ones, known ones, residual). A point stands where it is above_ground_m over the
@@ -73,8 +73,8 @@ def judge(points, rotation, position, field, above_ground_m, explained2, informa
     return structure, explained, known, off2 / thin if thin > 0 else np.nan
 
 
-@numba.njit(cache=True, nogil=True)
-def shares(points, rotations, positions, field, explained2, found):
+@compiled(nogil=True)
+def shares(points, rotations, positions, field, explained2, found) -> None:
     """Writes found (k,): the share of points (n, 3) in base_link that each pose explains, as in :func:`judge`.
 
     rotations: (k, 3, 3), positions: (k, 3) m, base_link in map.
@@ -110,8 +110,8 @@ def shares(points, rotations, positions, field, explained2, found):
         found[a] = explained / max(points.shape[0], 1)
 
 
-@numba.njit(cache=True, nogil=True)
-def pierced(points, rotation, position, lidar, field, above_ground_m, margin_m, within2):
+@compiled(nogil=True)
+def pierced(points, rotation, position, lidar, field, above_ground_m, margin_m, within2) -> float:
     """Share of the rays to points (n, 3) in base_link that pass through structure of the map.
 
     A ray passes through where, more than margin_m from both its ends, it comes within a squared Mahalanobis distance of
@@ -155,8 +155,8 @@ def pierced(points, rotation, position, lidar, field, above_ground_m, margin_m, 
     return through / rays if rays > 0 else np.nan
 
 
-@numba.njit(cache=True, nogil=True)
-def correlate(points, field, places, yaws, scores):
+@compiled(nogil=True)
+def correlate(points, field, places, yaws, scores) -> None:
     """Writes scores (places, yaws): mean over points of exp(-m2 / 2) of the cell they fall into.
 
     points: (n, 3) m, levelled, in base_link. places: (k, 3) x, y, z in map.

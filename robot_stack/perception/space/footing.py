@@ -11,10 +11,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import Footprint
 from robot_stack.perception.params import FootingParams, SpaceParams
@@ -140,7 +140,7 @@ def _rectangle(footprint: Footprint, margin_m: float) -> Floats:
     return np.array([footprint.rear_m - margin_m, footprint.front_m + margin_m, half_m])
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _lay(
     ground: Float,
     returns: Float,
@@ -169,7 +169,7 @@ def _lay(
         returns[row, column] = count
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _fill(cells: Any, corner: Corner, cell_m: float, pose: Floats, rect: Floats, value: Any) -> None:
     """Sets the cells of a rectangle: rear, front, half width in base_link, m."""
     rows, columns = cells.shape
@@ -184,7 +184,7 @@ def _fill(cells: Any, corner: Corner, cell_m: float, pose: Floats, rect: Floats,
                 cells[row, column] = value
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _patches(ground: Float, returns: Float, mean: Float, count: Float) -> None:
     """Mean height and number of returns of the 3 x 3 cells around each; too few cells make no patch.
 
@@ -216,7 +216,7 @@ def _patches(ground: Float, returns: Float, mean: Float, count: Float) -> None:
             count[row, column], mean[row, column] = total, sum_m / total
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _median(ground: Float, returns: Float, row: int, column: int, sorted_m: Float) -> Any:
     """Median of the known heights in the 3 x 3 cells around one; sorted_m: (9,) memory."""
     known = 0
@@ -232,7 +232,7 @@ def _median(ground: Float, returns: Float, row: int, column: int, sorted_m: Floa
     return sorted_m[known // 2]
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _find_edges(ground: Float, returns: Float, p: Float, drop: Any) -> None:
     """Compares each patch with the next one that is known, along rows, columns and both diagonals."""
     rows, columns = ground.shape
@@ -269,7 +269,7 @@ def _find_edges(ground: Float, returns: Float, p: Float, drop: Any) -> None:
             along, across[column] = column, row
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _falls(
     mean: Float, count: Float, r0: int, c0: int, r1: int, c1: int, dr: int, dc: int, ramp: Any, p: Float
 ) -> bool:
@@ -283,7 +283,7 @@ def _falls(
     return bool(fall > p[_LIMIT_M] + noise and fall - max(before, behind) > p[_MORE_M] + noise)
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _step(mean: Float, count: Float, r0: int, c0: int, r1: int, c1: int) -> Any:
     """Fall of the ground from one patch to another, 0 where it rises or either is unknown."""
     rows, columns = mean.shape
@@ -293,7 +293,7 @@ def _step(mean: Float, count: Float, r0: int, c0: int, r1: int, c1: int) -> Any:
     return max(mean[r0, c0] - mean[r1, c1], np.float32(0.0))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _find_ends(known: Any, reach: int, found: Any) -> None:
     """Cells right beside those within ``reach`` cells of known ones, in rows and columns."""
     rows, columns = known.shape

@@ -1,4 +1,4 @@
-"""Compiled loops over the cells of the space. They live in one file: numba's cache tracks changes of one file only.
+"""Compiled loops over the cells of the space.
 
 Grids are (rows, columns), row 0 at the lowest y. ``corner`` (2,) names the cell of row 0, column 0 by the integers
 floor(x / cell) and floor(y / cell) in odom. ``pose`` (4,): x, y, cos and sin of the yaw of base_link in odom.
@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.perception.polar import PI, angle_of
 from robot_stack.perception.space.view import BIN_M
 
@@ -28,7 +28,7 @@ _ALIKE_M = np.float32(0.02)  # difference by noise between the same rays of two 
 _SPECK = 3  # fewer unseen cells around an unseen one: a gap between rays, too small for a person
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def mark(
     state: Cells,
     passes: Any,
@@ -99,7 +99,7 @@ def mark(
         thing_m[row, column], under_m[row, column] = top, under
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def come(
     state: Cells,
     since_s: Floats,
@@ -151,7 +151,7 @@ def come(
     return count
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def stand(
     state: Cells,
     passes: Any,
@@ -188,7 +188,7 @@ def stand(
         state[row, column], passes[row, column], hit_at_m[row, column] = OCCUPIED, 0, travel_m
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def hold(state: Cells, passes: Any, corner: Corner, cell_m: float, pose: Floats, specks: Float) -> None:
     """Resets the passes through an occupied cell while there are returns from it or right beside it.
 
@@ -206,7 +206,7 @@ def hold(state: Cells, passes: Any, corner: Corner, cell_m: float, pose: Floats,
                     passes[r, c] = 0
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def look(
     state: Cells,
     passes: Any,
@@ -291,7 +291,7 @@ def look(
                 state[row, column] = FREE
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _bearings(
     row: int,
     first_column: int,
@@ -320,7 +320,7 @@ def _bearings(
         ats[column] = (angle_of(y, x) + PI) * per_rad
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def fade(state: Cells, watched_s: Floats, enter_cells: int, fade_s: float, now_s: float, stack: Corner) -> None:
     """Makes free cells unseen if no ray passes them any longer and a person could have entered them.
 
@@ -361,7 +361,7 @@ def fade(state: Cells, watched_s: Floats, enter_cells: int, fade_s: float, now_s
                 count += 1
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def remembered(
     state: Cells, last: Float, hit_s: Floats, corner: Corner, cell_m: float, pose: Floats, before_s: float, out: Float
 ) -> int:
@@ -380,7 +380,7 @@ def remembered(
     return count
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def frontier(state: Cells, corner: Corner, cell_m: float, pose: Floats, radius_m: float, out: Float) -> int:
     """Unseen cells beside free ones: (n, 3) base_link, z 0. Returns their number."""
     rows, columns = state.shape
@@ -411,7 +411,7 @@ def frontier(state: Cells, corner: Corner, cell_m: float, pose: Floats, radius_m
     return count
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def make_unseen(state: Cells, corner: Corner, cell_m: float, pose: Floats, rect: Floats) -> None:
     """Makes the cells of a rectangle unseen: rear, front, half width in base_link, m."""
     rows, columns = state.shape

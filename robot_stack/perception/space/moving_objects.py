@@ -13,10 +13,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.geometry import Pose2
 from robot_stack.perception.params import MovingObjectParams
 
@@ -274,7 +274,7 @@ def _width_m(body: Floats) -> float:
     return float(np.hypot(*np.ptp(body[:, :2], axis=0)))
 
 
-@numba.njit(cache=True)
+@compiled
 def _clusters(points: Floats, link_m: float, labels: Any) -> int:
     """Labels the points (n, 3) by connected cluster in plan. Returns the number of clusters."""
     stack = np.empty(len(points), np.int64)

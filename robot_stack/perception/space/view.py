@@ -11,10 +11,10 @@ import math
 from dataclasses import dataclass, field
 from typing import Any
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.perception.cells import DROP, EMPTY, FLOOR, STEP, TALL
 from robot_stack.perception.ground import Profile
 from robot_stack.perception.polar import COUNT, DISTANCE, GROUND_M, HEIGHT, TOP, PolarGrid, Sorted
@@ -139,7 +139,7 @@ def _looked_at(covered: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return looked
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _pass_sweep(
     cells: Float,
     active: Any,
@@ -184,7 +184,7 @@ def _pass_sweep(
                 passed[s, b] = max(above, np.float32(0.0))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _floor(cells: Float, active: Any, kind: Any, drop_m: Float, p: Float, floor: Float) -> int:
     """Cells of bare ground, also of ground that has fallen away; and, with 0 returns, the places between
     two of them that one missing ring explains. Returns their number.
@@ -227,7 +227,7 @@ def _floor(cells: Float, active: Any, kind: Any, drop_m: Float, p: Float, floor:
     return count
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _beside_a_thing(cells: Float, kind: Any, s: int, k: int) -> bool:
     """True if an object stands in the cell or in one around it: low points there may be its foot."""
     sectors, rings = kind.shape
@@ -241,7 +241,7 @@ def _beside_a_thing(cells: Float, kind: Any, s: int, k: int) -> bool:
     return False
 
 
-@numba.njit(cache=True, error_model="numpy")
+@compiled(error_model="numpy")
 def _pass_beams(ends: Float, origin: Float, passed: Float) -> None:
     directions, bins = passed.shape
     for i in range(len(ends)):

@@ -18,11 +18,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.wmx.api.enums import AxisCommandMode, Config_LimitSwitchType, DetailOperationState, OperationState
 from robot_stack.wmx.api.errors import ErrorCode
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.simulated import rows
-from robot_stack.wmx.simulated.jit import compiled
 from robot_stack.wmx.simulated.profile import evaluate, plan_stop, remaining
 
 Reals = NDArray[np.float64]

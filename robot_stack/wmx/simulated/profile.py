@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_stack.wmx.simulated.jit import compiled
+from robot_stack.core.compiled import compiled
 
 MAX_SEGMENTS: Final = 4
 """Braking away from the target, then accelerating, cruising and braking towards it."""

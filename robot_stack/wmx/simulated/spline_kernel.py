@@ -33,9 +33,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.wmx.api.enums import OperationState
 from robot_stack.wmx.simulated import rows
-from robot_stack.wmx.simulated.jit import compiled
 from robot_stack.wmx.simulated.kernel import (
     CMD_ACC,
     DETAIL,

@@ -11,10 +11,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.compiled import compiled
 from robot_stack.wmx.api.errors import ErrorCode
 from robot_stack.wmx.axes import Flag
 from robot_stack.wmx.simulated import rows
-from robot_stack.wmx.simulated.jit import compiled
 from robot_stack.wmx.simulated.kernel import (
     DETAIL_STOP,
     IDLE,

@@ -1,4 +1,4 @@
-"""Costs by distance: Nav2's values, and the distance transform compared with every pair of cells."""
+"""Costs by distance: Nav2's values, and distances compared with every pair of cells."""
 
 from __future__ import annotations
 
@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from robot_stack.core.robot import load_robot
-from robot_stack.costmap import kernels
-from robot_stack.costmap.inflation import circumscribed_m, cost, cost_table, inscribed_m
+from robot_stack.costmap.inflation import circumscribed_m, cost, cost_table, inflated, inscribed_m
 
 ROBOT = load_robot()
 
@@ -61,8 +60,7 @@ def test_the_table_ends_at_the_inflation_radius() -> None:
 )
 def test_every_cell_has_the_cost_of_its_nearest_obstacle(state: np.ndarray) -> None:
     costs = np.array([100, 99, 99, 0, 80, 60, 0, 0, 40, 20], np.int8)
-    out = np.empty_like(state)
-    kernels.inflate(state, costs, out)
+    out = inflated(state, costs)
     occupied = np.argwhere(state == 100)
     for row, column in np.ndindex(*state.shape):
         squared = min((int((r - row) ** 2 + (c - column) ** 2) for r, c in occupied), default=10**6)

@@ -10,13 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
 
+from robot_stack.core.distance_field import clearance_field
 from robot_stack.core.geometry import Pose2, wrap_angle
 from robot_stack.core.robot import Footprint
 from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, Grid
 from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.footprint import outline, reach_m
 from robot_stack.navigation.global_planner import GlobalPlanner, NoWay, goal_problem
-from robot_stack.navigation.grid_kernels import distances
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.planning_grid import PlanningGrid
@@ -54,7 +54,7 @@ def wall_with_gate(width_m: float, middle_m: float = 5.0) -> np.ndarray:
 def test_distances_are_exact(seed: int) -> None:
     occupied = np.random.default_rng(seed).random((31, 23)) < 0.03
     truth = ndimage.distance_transform_edt(~occupied) * 0.1 if occupied.any() else np.full(occupied.shape, 9.0)
-    assert np.allclose(distances(occupied, 0.1, 2.0), np.minimum(truth, 2.0), atol=1e-5)
+    assert np.allclose(clearance_field(occupied, 0.1, 2.0), np.minimum(truth, 2.0), atol=1e-5)
 
 
 @pytest.mark.parametrize("angle", [0.0, 0.2, 0.5, 0.9, 1.3])

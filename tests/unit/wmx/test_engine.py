@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import ast
 import math
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +11,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import robot_stack.wmx as wmx
 from robot_stack.wmx.api import (
     AxisCommandMode,
     CoreMotionErrorCode,
@@ -29,7 +26,7 @@ from robot_stack.wmx.api import (
 )
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback
-from robot_stack.wmx.simulated import jit, kernel, profile, spline_kernel
+from robot_stack.wmx.simulated import kernel, profile
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.requests import METHODS, Session, execute
 from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
@@ -529,16 +526,3 @@ class TestCompilation:
             bench.engine.motion.stop([VEL], AxisCommandMode.Velocity)
             bench.step(500)
         assert [len(function.signatures) for function in compiled] == before
-
-    def test_cache_covers_everything_compiled_code_is_made_of(self) -> None:
-        package = Path(wmx.__file__).parent
-        covered = {path for pattern in jit.SOURCES for path in package.glob(pattern)}
-        for module in (kernel, profile, spline_kernel):
-            source = Path(str(module.__file__))
-            assert source in covered
-            for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
-                if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("robot_stack.wmx"):
-                    for alias in node.names:
-                        path = package.joinpath(*(node.module or "").split(".")[2:])
-                        inner = path / f"{alias.name}.py"
-                        assert {inner, path.with_suffix(".py")} & covered, f"{node.module}.{alias.name}"
