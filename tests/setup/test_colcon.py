@@ -15,7 +15,7 @@ from robot_stack.core.wheels_env import ros_environment
 ROOT = Path(__file__).resolve().parents[2]
 PREFIX = Path(sys.prefix)
 PACKAGES = ("control_msgs", "custom_msgs", "robot_stack", "tf2_msgs", "wmx_ros2_message")
-WHEELS_FIX = ROOT / "launch_scripts/lib/wheels_include_dirs.cmake"
+PROJECT_INCLUDE = Path(__file__).with_name("colcon_build.cmake")
 
 
 def environment() -> dict[str, str]:
@@ -23,7 +23,9 @@ def environment() -> dict[str, str]:
     foreign = ("PYTHONPATH", "AMENT_PREFIX_PATH", "CMAKE_PREFIX_PATH", "COLCON_PREFIX_PATH", "LD_LIBRARY_PATH")
     clean = {key: value for key, value in os.environ.items() if key not in foreign}
     path = f"{PREFIX / 'bin'}{os.pathsep}{clean.get('PATH', '')}"
-    return {**clean, **ros_environment(base={}), "CMAKE_PREFIX_PATH": str(PREFIX), "PATH": path}
+    # Without flags of ours, colcon's own let a build wait while other tests keep the processor busy.
+    flags = {"MAKEFLAGS": "-j2", "CMAKE_BUILD_PARALLEL_LEVEL": "2"}
+    return {**clean, **flags, **ros_environment(base={}), "CMAKE_PREFIX_PATH": str(PREFIX), "PATH": path}
 
 
 def run(command: list[str], folder: Path) -> str:
@@ -46,7 +48,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for package in PACKAGES:
         (folder / "src" / package).symlink_to(ROOT / package)
     build = ["colcon", "build", "--parallel-workers", "2", "--cmake-args", "-GNinja", "-DBUILD_TESTING=OFF"]
-    run([*build, f"-DCMAKE_PROJECT_INCLUDE={WHEELS_FIX}"], folder)
+    run([*build, f"-DCMAKE_PROJECT_INCLUDE={PROJECT_INCLUDE}"], folder)
     return folder
 
 
