@@ -26,6 +26,8 @@ from robot_stack.supervisor.params import load_params
 LOCK_NAME = "supervisor_process"
 _POLL_S = 0.05
 _ANSWER_S = 1.0  # timeout of one poll, so that an interruption takes effect
+# Longest processor time of a supervisor until its first answer, by far: more is an endless loop.
+_START_PROCESSOR_S = 60.0
 _STOP_MARGIN_S = 5.0  # added to the grace time of stopping processes
 
 
@@ -85,7 +87,8 @@ def start(
 ) -> dict[str, Any]:
     """Starts a supervisor in the background and waits until every process is ready. Returns its status.
 
-    The deadline counts from the end of all construction: compiling and loading may take any time.
+    The deadline counts from the end of all construction: compiling and loading may take any time. Until its first
+    answer, a supervisor that still gets processor time is starting, however slowly on a busy computer.
 
     Raises StartError if the domain has one already, if it ends, or if the deadline passes; then the start continues.
     If interrupted, it stops what it has started.
@@ -139,6 +142,7 @@ def _wait_ready(
     """The status of a stack that is ready; None once ``interrupted`` is set."""
     assert supervisor.stderr is not None
     status: dict[str, Any] = {}
+    computed_s = 0.0
     end_s = time.monotonic() + deadline_s
     while time.monotonic() < end_s:
         if supervisor.poll() is not None:
@@ -156,8 +160,19 @@ def _wait_ready(
                 end_s = time.monotonic() + deadline_s
             if all(item["state"] in ("ready", "failed") for item in status["processes"]):
                 break  # nothing is left to wait for
+        if not status and computed_s < (now_s := _processor_s(supervisor.pid)) < _START_PROCESSOR_S:
+            computed_s, end_s = now_s, time.monotonic() + deadline_s
         time.sleep(_POLL_S)
     raise StartError(not_ready(status))
+
+
+def _processor_s(pid: int) -> float:
+    """Processor time of a process, 0 if it has ended."""
+    try:
+        times = psutil.Process(pid).cpu_times()
+    except psutil.Error:
+        return 0.0
+    return float(times.user + times.system)
 
 
 def not_ready(status: dict[str, Any]) -> str:
