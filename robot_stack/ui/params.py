@@ -11,6 +11,8 @@ from robot_stack.core.config import Config
 
 Positive = Annotated[float, Field(gt=0.0)]
 Language = Literal["en", "ja", "zh"]
+StopButton = Literal["passenger", "left", "right", "front", "rear"]
+PersonCheck = Literal["latch", "belt", "brakes", "lidars", "safety_edge"]
 # Shorter tokens can be guessed from the same network.
 TOKEN_LENGTH_MIN = 32
 
@@ -97,9 +99,31 @@ class ResetParams(Config):
     timeout_s: Annotated[float, Field(ge=0.5, le=10.0)]
 
 
+class SelfTestParams(Config):
+    """The guided self test: its steps, their timeouts, and after how long the next one is due (0: never)."""
+
+    due_h: Annotated[float, Field(ge=0.0, le=8760.0)]
+    buttons: Annotated[tuple[StopButton, ...], Field(max_length=8)]
+    button_source: Annotated[str, StringConstraints(min_length=1, max_length=128)]
+    checks: Annotated[tuple[PersonCheck, ...], Field(max_length=8)]
+    press_s: Annotated[float, Field(ge=5.0, le=600.0)]
+    refused_s: Annotated[float, Field(ge=1.0, le=60.0)]
+    check_s: Annotated[float, Field(ge=5.0, le=600.0)]
+    moving_mps: Annotated[float, Field(gt=0.0, le=0.1)]
+    moving_radps: Annotated[float, Field(gt=0.0, le=0.2)]
+
+    @model_validator(mode="after")
+    def _each_once(self) -> SelfTestParams:
+        for name, values in (("buttons", self.buttons), ("checks", self.checks)):
+            if len(set(values)) != len(values):
+                raise ValueError(f"{name} must name each entry once, is {list(values)}")
+        return self
+
+
 class TouchUiParams(Config):
     server: ServerParams
     access: AccessParams
     pad: PadParams
     pages: PagesParams
     reset: ResetParams
+    self_test: SelfTestParams
