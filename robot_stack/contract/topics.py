@@ -49,11 +49,12 @@ EMERGENCY_STOP_SOURCES = Topic(
     "custom_msgs/msg/EmergencyStopSource",
     qos.REQUEST_QUEUE,
     _STOP_SOURCES,
-    ("safety_monitor",),
+    ("safety_monitor", "touch_ui"),
     "state of each source of /emergency_stop: a press holds until the process that pressed releases it",
     rate_hz=5.0,
     stale_s=1.0,
     queue=50,
+    sometimes=("touch_ui",),  # while a page shows the self test
 )
 ROBOT_STATUS = Topic(
     "/robot_status",

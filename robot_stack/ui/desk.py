@@ -18,7 +18,7 @@ NEEDS_STAFF, PAD_BUSY, NO_PIN_SET, WAIT, SLOW_DOWN = (
     "answer.too_fast",
 )
 _EDITS = (p.CheckMission, p.SaveMission, p.DeleteMission)
-_STAFF_ONLY = (p.Reset, p.ClearStop, p.Pad, p.Pose, p.Goal, p.CancelGoal, *_EDITS)
+_STAFF_ONLY = (p.Reset, p.ClearStop, p.Pad, p.Pose, p.Goal, p.CancelGoal, p.SelfTest, *_EDITS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,4 +124,6 @@ def named(message: p.ClientMessage) -> str:
             return f"delete mission {message.mission}"
         case p.ClearStop():
             return f"clear the emergency stop of {message.source}"
+        case p.SelfTest():
+            return f"self test: {message.act}" + ("" if message.act == "begin" else f" step {message.step}")
     return ""

@@ -39,6 +39,7 @@ class Layer(StrEnum):
     MARKERS = "markers"
     FRONT_IMAGE = "front_image"
     REAR_IMAGE = "rear_image"
+    SELF_TEST = "self_test"
 
 
 BINARY_LAYERS = (Layer.COSTMAP, Layer.OBSTACLES, Layer.FRONT_IMAGE, Layer.REAR_IMAGE)
@@ -178,6 +179,14 @@ class DeleteMission(Message):
     revision: Revision
 
 
+class SelfTest(Message):
+    """The guided self test: begins it, or acts on its step number ``step``. A page that stops showing it ends it."""
+
+    t: Literal["self_test"]
+    act: Literal["begin", "confirm", "fail", "cancel"]
+    step: Annotated[int, Field(ge=0, le=63)] = 0
+
+
 ClientMessage = Annotated[
     Alive
     | Show
@@ -197,7 +206,8 @@ ClientMessage = Annotated[
     | CallStaff
     | CheckMission
     | SaveMission
-    | DeleteMission,
+    | DeleteMission
+    | SelfTest,
     Field(discriminator="t"),
 ]
 _ADAPTER: TypeAdapter[ClientMessage] = TypeAdapter(ClientMessage)

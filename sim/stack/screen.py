@@ -41,6 +41,10 @@ class ScheduledHub(Hub):
 
         timer = self.port.add_real_timer(PAD_PERIOD_S, step)
 
+    def changes(self, page: Page) -> dict[str, Any]:
+        """The sections that the page receives now."""
+        return page.changes.take(self._now_s())
+
 
 class ScheduledServer:
     """See ``WebServer``. ``open_page`` is what a browser does."""
@@ -78,6 +82,7 @@ class OpenPage:
         self._port, self._hub = port, hub
         self._page: Page | None = None
         self._ids = 0
+        self._state: dict[str, Any] = {}
         self._address = address
         port.call_soon(self._join)
         self._timer = port.add_real_timer(_ALIVE_S, lambda: self._hear({"t": "alive"}))
@@ -87,12 +92,23 @@ class OpenPage:
         """The newest answers of the server, as JSON."""
         return [] if self._page is None else list(self._page.answers)
 
+    @property
+    def state(self) -> dict[str, Any]:
+        """The newest sections that the server has sent."""
+        if self._page is not None:
+            self._state |= self._hub.changes(self._page)
+        return self._state
+
     def say(self, **message: Any) -> int:
         """Sends a protocol message, e.g. ``say(t="start", mission="short_hop")``. Returns the id of its answer."""
         self._ids += 1
         numbered = {**message, "id": self._ids}
         self._port.call_soon(lambda: self._hear(numbered))
         return self._ids
+
+    def silence(self) -> None:
+        """Stops the heartbeats, like a page that hangs or is hidden."""
+        self._timer.destroy()
 
     def close(self) -> None:
         self._timer.destroy()

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from tests.simulated.stage import Stage, staged
+from tests.simulated.story import Text
 
 _PIN = "2468"
 _PAD_PERIOD_S = 0.05
@@ -41,6 +42,27 @@ class Person:
         for _ in range(round(duration_s / _PAD_PERIOD_S)):
             self._page.say(t="pad", x=x, y=y, turn=turn, at_ms=round(1e3 * self._stage.now_s))
             self._stage.run(_PAD_PERIOD_S)
+
+    def show(self, *layers: str) -> None:
+        """Opens a page with these layers; the server does not answer."""
+        self._page.say(t="show", layers=layers)
+        self._stage.wait(lambda: all(layer in self._page.state for layer in layers), f"layers {layers}")
+
+    def self_test(self) -> dict[str, Any]:
+        return dict(self._page.state["self_test"])
+
+    def wait_step(self, kind: str, target: str) -> None:
+        """Waits until the self test is at that step."""
+
+        def there() -> bool:
+            test = self.self_test()
+            return bool(test["running"]) and test["steps"][test["at"]] == {"kind": kind, "target": target}
+
+        self._stage.wait(there, Text(lambda: f"{kind} {target}; the self test is {self.self_test()}"))
+
+    def confirm(self) -> None:
+        """Confirms the step of the self test."""
+        self.say(t="self_test", act="confirm", step=self.self_test()["at"])
 
     def lift(self) -> None:
         """Lifts the finger off the pad; the server does not answer."""
@@ -86,3 +108,57 @@ def test_staff_drive_by_hand_and_the_robot_stops_when_the_finger_lifts() -> None
         person.push(1.0, 0.0, 0.0, 3.0)
         assert stage.speed_mps > 0.3
         stage.wait_stands(3.0)
+
+
+def test_self_test_of_the_buttons_and_the_screen_moves_nothing() -> None:
+    with _screen() as (stage, person):
+        person.unlock()
+        person.show("self_test")
+        begun_s = stage.now_s
+        stage.wait(lambda: stage.now_s > begun_s + 1.0 and stage.stands, "reports of the sources, and standstill")
+        at = stage.at()
+        person.say(t="self_test", act="begin")
+        for button in ("passenger", "left", "right"):
+            person.wait_step("press", button)
+            stage.inject("estop_button", value=1.0)
+            person.wait_step("release", button)  # a reset was refused before
+            assert stage.safety.last.safety_state == "EMERGENCY_STOP"
+            stage.inject("estop_button", value=0.0)
+            person.wait_step("reset", button)
+            assert stage.safety.last.safety_state == "EMERGENCY_STOP"
+            person.confirm()
+        person.wait_step("press", "screen")
+        stage.wait_safety("NORMAL")
+        person.say(t="stop")
+        for check in ("latch", "belt", "safety_edge", "lidars", "brakes"):
+            person.wait_step("check", check)
+            person.confirm()
+        person.wait_step("release", "screen")
+        person.confirm()
+        person.wait_step("reset", "screen")
+        person.confirm()
+        stage.wait(lambda: not person.self_test()["running"], "the end of the test")
+        assert person.self_test()["last"]["verdict"] == "passed", person.self_test()["last"]
+        assert person.self_test()["stored"]
+        stage.wait_safety("NORMAL")
+        stage.assert_wheels_rest(1.0)
+        assert stage.at().distance_to(at) < 0.01
+
+
+def test_self_test_that_is_left_keeps_the_stop() -> None:
+    with _screen() as (stage, person):
+        person.unlock()
+        person.show("self_test")
+        stage.run(1.0)
+        person.say(t="self_test", act="begin")
+        person.wait_step("press", "passenger")
+        stage.inject("estop_button", value=1.0)
+        person.wait_step("release", "passenger")
+        person.show()
+        stage.inject("estop_button", value=0.0)
+        stage.stays(
+            lambda: stage.safety.last.safety_state == "EMERGENCY_STOP" and stage.stands, "the robot is stopped", 3.0
+        )
+        person.show("self_test")
+        last = stage.wait(lambda: person.self_test()["last"], "the result")
+        assert (last["verdict"], last["reason"], last["kind"]) == ("aborted", "LEFT", "release")

@@ -19,6 +19,7 @@ from custom_msgs.msg import (
     ArucoDetectionArray,
     DockingStatus,
     EHMIStatus,
+    EmergencyStopSource,
     MissionStatus,
     SafetyStatus,
     UICommand,
@@ -50,13 +51,14 @@ _REPORT = _inputs(
 class StandInRobot:
     """Stands at x 2 m, y 1 m; executes the touch screen's commands and records them.
 
-    faults: reported in /safety/status beside the emergency stop. pressed: the stop button is pressed.
+    faults: reported in /safety/status beside the emergency stop. pressed: the stop button is pressed; ``press_button``
+    also latches the stop.
     """
 
     def __init__(self, peer: Peer) -> None:
         self.peer = peer
         self.faults: list[str] = []
-        self.emergency = self.pressed = False
+        self.emergency = self.pressed = self._screen_pressed = False
         self.stop_sources: dict[str, Presence] = {}
         self.ride = MissionStatus(state="IDLE", eta_s=math.nan)
         self.docking = DockingStatus(state="IDLE", position_error=math.nan, orientation_error=math.nan)
@@ -75,6 +77,7 @@ class StandInRobot:
         peer.serve(services.CLEAR_EMERGENCY_STOP, self._on_clear)
         for row, make, rate_hz in (
             (topics.SAFETY_STATUS, self._safety, 10.0),
+            (topics.EMERGENCY_STOP_SOURCES, self._button, 5.0),
             (topics.CURRENT_POSE, self._pose, 10.0),
             (topics.DOCKING_STATUS, lambda: self.docking, 10.0),
             (topics.ODOM, self._odometry, 10.0),
@@ -105,6 +108,12 @@ class StandInRobot:
     def say_limit(self, linear_mps: float, reason: str = "") -> None:
         message = VelocityLimit(max_linear_velocity=linear_mps, max_angular_velocity=linear_mps, reason=reason)
         self.peer.repeat(topics.VELOCITY_LIMIT, lambda: message, 20.0)
+
+    def press_button(self) -> None:
+        self.emergency = self.pressed = True
+
+    def _button(self) -> EmergencyStopSource:
+        return EmergencyStopSource(name="emergency_stop_button", pid=1, presses=int(self.pressed), pressed=self.pressed)
 
     def _say_plan(self) -> None:
         path = Path()
@@ -175,12 +184,13 @@ class StandInRobot:
 
     def _on_stop(self, message: Any) -> None:
         self.told.append(f"stop {message.data}")
+        self._screen_pressed = message.data
         self.emergency |= message.data
         if message.data and self.ride.state == "RUNNING":
             self.say_ride(state="PAUSED", reason="emergency stop")
 
     def _on_reset(self, _: Any, response: Any) -> Any:
-        if self.pressed:
+        if self.pressed or self._screen_pressed:
             response.message = "refused: stop button pressed"
             return response
         self.emergency = False

@@ -29,6 +29,7 @@ STAFF_PAGES = (
     "docking",
     "display",
     "faults",
+    "self_test",
     "diagnostics",
     "missions",
     "history",

@@ -72,6 +72,7 @@ class Hub:
         # Read by the node's thread; replaced, never changed.
         self.awaited: frozenset[p.Layer] = frozenset()
         self.connected = self.pages = 0
+        self.testers: frozenset[int] = frozenset()
 
     def stopped(self) -> None:
         """Handles an emergency stop. Called from the node's own loop."""
@@ -243,12 +244,14 @@ class Hub:
         )
 
     def _look(self) -> None:
-        """Updates the shown and awaited layers and the number of pages."""
+        """Updates the shown and awaited layers, the number of pages, and the pages that show the self test."""
         now_s = self._now_s()
         allowed = {number: self._allowed(page) for number, page in self._pages.items()}
         self.awaited = frozenset(layer for page in self._pages.values() for layer in page.ready & allowed[page.number])
         silence_s = self._params.server.page_silence_s
-        self.connected = sum(now_s - page.alive_s <= silence_s for page in self._pages.values())
+        alive = {number for number, page in self._pages.items() if now_s - page.alive_s <= silence_s}
+        self.connected = len(alive)
+        self.testers = frozenset(number for number in alive if p.Layer.SELF_TEST in allowed[number])
         wanted = frozenset(layer for layers in allowed.values() for layer in layers)
         if wanted != self._wanted:
             self._wanted = wanted

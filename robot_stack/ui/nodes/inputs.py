@@ -9,15 +9,18 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from visualization_msgs.msg import Marker as MarkerMessage
 
+from custom_msgs.msg import EmergencyStopSource
 from robot_stack.contract import topics
 from robot_stack.contract.faults import split_codes
-from robot_stack.contract.model import System, Topic
+from robot_stack.contract.model import SafetyState, System, Topic
+from robot_stack.contract.states import ACTIVE
 from robot_stack.core.geometry import Pose2
 from robot_stack.middleware.conversions import pose_from_msg
 from robot_stack.middleware.inputs import Input
 from robot_stack.middleware.node import StackNode
 from robot_stack.ui.diagnostics import Diagnostics
 from robot_stack.ui.protocol import Layer
+from robot_stack.ui.self_test import Seen, SourceReports
 from robot_stack.ui.snapshot import Computer, Docking, ExternalDisplay, Limit, Marker, Person, Ride, Safety, Snapshot
 
 # Topics shown by only some pages are subscribed to while such a page is open.
@@ -31,6 +34,7 @@ _BY_LAYER: dict[Layer, tuple[Topic, ...]] = {
     Layer.DIAGNOSTICS: (topics.DIAGNOSTICS,),
     Layer.FRONT_IMAGE: (topics.FRONT_IMAGE,),
     Layer.REAR_IMAGE: (topics.REAR_IMAGE,),
+    Layer.SELF_TEST: (topics.EMERGENCY_STOP_SOURCES, topics.ODOM),
 }
 # Largest age of data shown below a picture: it is read at the node's wake-ups, five times a second.
 _PICTURE_AGE_S = 1.0
@@ -43,7 +47,12 @@ class RobotInputs:
 
     def __init__(self, node: StackNode, callbacks: dict[str, Callable[[Any], None]]) -> None:
         self._node = node
-        self._callbacks = {**callbacks, topics.DIAGNOSTICS.name: self._on_diagnostics}
+        self._callbacks = {
+            **callbacks,
+            topics.DIAGNOSTICS.name: self._on_diagnostics,
+            topics.EMERGENCY_STOP_SOURCES.name: self._on_source,
+        }
+        self._sources = SourceReports(topics.EMERGENCY_STOP_SOURCES.stale_limit_s)
         self._diagnostics = Diagnostics()
         self._rows = topics.of_system(System.ROBOT)
         self._ride = node.subscribe(topics.MISSION_STATUS)
@@ -92,6 +101,19 @@ class RobotInputs:
     def stop_sources(self) -> dict[str, Any]:
         return self._diagnostics.stop_sources(self._node.steady_s())
 
+    def self_test(self) -> Seen:
+        """What the self test checks; its topics are subscribed to while a page shows it."""
+        safety, ride = _safety(self._node.safety_status_input), self.ride()
+        odom = self.latest(topics.ODOM)
+        return Seen(
+            emergency=None if safety is None else safety.state == SafetyState.EMERGENCY_STOP.name,
+            pressed_row=safety is not None and "ESTOP_PRESSED" in safety.faults,
+            sources=self._sources.pressed(self._node.steady_s()),
+            speed=None if odom is None else _speed(odom.twist),
+            ride_active=None if ride is None else ride.state in ACTIVE,
+            passenger=None if ride is None else ride.passenger,
+        )
+
     def snapshot(self, *, staff_called: bool, driven_by_hand: bool) -> Snapshot:
         return Snapshot(
             safety=_safety(self._node.safety_status_input),
@@ -103,7 +125,7 @@ class RobotInputs:
             pose=self.pose(),
             quality=self._quality.latest.data if self._quality.fresh() else None,
             battery=self._battery.latest.percentage if self._battery.fresh() else None,
-            speed=_speed(self._speed) if self._speed.fresh() else None,
+            speed=_speed(self._speed.latest) if self._speed.fresh() else None,
             plan=_plan(self._plan.latest),
             navigation=self._navigation.latest.data if self._navigation.latest is not None else "",
             markers=_markers(self.latest(topics.ARUCO_DETECTIONS)),
@@ -117,6 +139,9 @@ class RobotInputs:
     def _missing(self) -> tuple[str, ...]:
         states = self._node.input_states()
         return tuple(row.name for row in _NEEDED if row.name in states and not states[row.name].fresh)
+
+    def _on_source(self, message: EmergencyStopSource) -> None:
+        self._sources.add(message.name, message.pid, message.pressed, self._node.steady_s())
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         now_s = self._node.steady_s()
@@ -176,8 +201,8 @@ def _display(m: Any) -> ExternalDisplay | None:
     return ExternalDisplay(m.linked, state, m.firmware_fault)
 
 
-def _speed(entry: Input) -> tuple[float, float]:
-    twist = entry.latest.twist
+def _speed(m: Any) -> tuple[float, float]:
+    twist = m.twist
     return math.hypot(twist.linear.x, twist.linear.y), twist.angular.z
 
 

@@ -12,6 +12,7 @@ from robot_stack.ui.nodes.mission_files import MissionFiles
 from robot_stack.ui.nodes.operator_requests import Answer, OperatorRequest
 from robot_stack.ui.nodes.outputs import Outputs
 from robot_stack.ui.nodes.pages import Pages
+from robot_stack.ui.nodes.self_test import GuidedSelfTest
 from robot_stack.ui.params import ResetParams
 
 _RIDE_COMMANDS = {"pause": "PAUSE", "resume": "RESUME", "abort": "ABORT"}
@@ -28,8 +29,10 @@ class PageCommands:
         pages: Pages,
         history: AuditFile,
         missions: MissionFiles,
+        self_test: GuidedSelfTest,
     ) -> None:
         self._outputs, self._pages, self._history, self._missions = outputs, pages, history, missions
+        self._self_test = self_test
         self._reset = OperatorRequest(node, reset, services.SAFETY_RESET, reset.tries)
         self._clear = OperatorRequest(node, reset, services.CLEAR_EMERGENCY_STOP, 1)
 
@@ -44,6 +47,11 @@ class PageCommands:
                 return
             case p.CheckMission() | p.SaveMission() | p.DeleteMission():
                 self._edit(client, message)
+                return
+            case p.SelfTest():
+                why = self._self_test.handle(client, message, self._pages.who(client))
+                self._pages.answer(client, message.id, not why, why)
+                self._pages.show()
                 return
             case p.Start():
                 self._outputs.command("START_MISSION", message.mission)

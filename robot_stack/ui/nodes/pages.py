@@ -11,6 +11,7 @@ from robot_stack.ui.nodes.audit_file import AuditFile
 from robot_stack.ui.nodes.hub import Hub
 from robot_stack.ui.nodes.inputs import RobotInputs
 from robot_stack.ui.nodes.mission_files import MissionFiles
+from robot_stack.ui.nodes.self_test import GuidedSelfTest
 from robot_stack.ui.nodes.server import WebServer
 from robot_stack.ui.nodes.site import Site
 
@@ -37,9 +38,11 @@ class Pages:
         history: AuditFile,
         missions: MissionFiles,
         site: Site,
+        self_test: GuidedSelfTest,
     ) -> None:
         self._hub, self._server = hub, server
         self._inputs, self._history, self._missions, self._site = inputs, history, missions, site
+        self._self_test = self_test
         self._wanted: frozenset[p.Layer] = frozenset()
         self._ride_state = ""
         self.staff_called = False
@@ -64,6 +67,8 @@ class Pages:
         snapshot = self._inputs.snapshot(staff_called=self.staff_called, driven_by_hand=self._hub.driving)
         self._note_ride()
         layers = {layer: section(snapshot) for layer, section in _SECTIONS.items() if layer in self._wanted}
+        if p.Layer.SELF_TEST in self._wanted:
+            layers[p.Layer.SELF_TEST] = self._self_test.section()
         self._server.call(self._hub.push, view.sections(snapshot), layers)
 
     def _note_ride(self) -> None:
@@ -93,5 +98,9 @@ class Pages:
             layers[p.Layer.RECORDINGS] = self._site.recordings()
         if p.Layer.MISSION_FILES in self._wanted:
             layers[p.Layer.MISSION_FILES] = self._missions.files_section()
-        sections = {"missions": self._missions.section(), "site": self._site.section()}
+        sections = {
+            "missions": self._missions.section(),
+            "site": self._site.section(),
+            "self_test_age": self._self_test.summary(),
+        }
         self._server.call(self._hub.push, sections, layers)

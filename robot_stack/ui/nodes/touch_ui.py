@@ -17,6 +17,7 @@ from robot_stack.ui.nodes.mission_files import MissionFiles
 from robot_stack.ui.nodes.outputs import Outputs
 from robot_stack.ui.nodes.page_commands import PageCommands
 from robot_stack.ui.nodes.pages import Pages
+from robot_stack.ui.nodes.self_test import GuidedSelfTest
 from robot_stack.ui.nodes.server import WebServer
 from robot_stack.ui.nodes.site import Site
 from robot_stack.ui.params import TouchUiParams
@@ -42,9 +43,13 @@ class TouchUiNode(StackNode):
         layers = Layers(self, pages, lambda: self._hub.awaited, self._send_frame)
         inputs = layers.inputs = RobotInputs(self, layers.callbacks)
         self._server = self.device(WebServer, self.params.server, self._hub, site.pictures)
-        self._pages = Pages(self._hub, self._server, inputs, self._audit, missions, site)
-        self._commands = PageCommands(self, self.params.reset, self._outputs, self._pages, self._audit, missions)
+        self_test = GuidedSelfTest(self, self.params, inputs, self._outputs, self._audit, lambda: self._hub.testers)
+        self._pages = Pages(self._hub, self._server, inputs, self._audit, missions, site, self_test)
+        self._commands = PageCommands(
+            self, self.params.reset, self._outputs, self._pages, self._audit, missions, self_test
+        )
         tell_touch_screen(self._server.url)
+        self.every_real(pages.state_hz, self_test.tick)
         self.every_real(pages.state_hz, self._pages.show)
         self.every_real(_DIAGNOSTICS_HZ, self._pages.show_diagnostics)
         self.every_real(_SLOW_HZ, self._pages.show_files)

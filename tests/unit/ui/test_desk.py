@@ -83,6 +83,8 @@ def test_audit_log_records_operator_actions(desk: d.Desk) -> None:
         ('{"t": "goal", "x": 1, "y": 2, "yaw": 0}', "goal 1.00 2.00 0.000"),
         ('{"t": "call", "on": true}', "staff called"),
         ('{"t": "call", "on": false}', "call answered"),
+        ('{"t": "self_test", "act": "begin"}', "self test: begin"),
+        ('{"t": "self_test", "act": "fail", "step": 3}', "self test: fail step 3"),
         ('{"t": "alive"}', ""),
         ('{"t": "login", "pin": "2468"}', ""),  # the outcome is logged later, the PIN never
     ):
@@ -188,5 +190,5 @@ def test_whatever_a_rider_sends_moves_nothing_and_opens_nothing(desk: d.Desk) ->
         except p.Refused:
             continue
         effect = desk.take(RIDER, message, 0.1 * tick).effect
-        assert not isinstance(effect, p.Pad | p.Pose | p.Goal | p.CancelGoal | p.Reset | p.ClearStop)
+        assert not isinstance(effect, p.Pad | p.Pose | p.Goal | p.CancelGoal | p.Reset | p.ClearStop | p.SelfTest)
         assert desk.pad.command(0.1 * tick) is None

@@ -36,6 +36,8 @@ GOOD: tuple[tuple[dict[str, Any], type], ...] = (
     ),
     ({"t": "mission_save", "mission": {"id": "tour"}, "was": "", "revision": ""}, p.SaveMission),
     ({"t": "mission_delete", "mission": "tour", "revision": "0123456789abcdef"}, p.DeleteMission),
+    ({"t": "self_test", "act": "begin"}, p.SelfTest),
+    ({"t": "self_test", "act": "confirm", "step": 3}, p.SelfTest),
 )
 
 BAD = (
@@ -76,6 +78,12 @@ BAD = (
     '{"t": "mission_save", "mission": {}, "was": "../tour", "revision": ""}',
     '{"t": "mission_save", "mission": {}, "was": "tour", "revision": "../../x"}',
     '{"t": "mission_delete", "mission": "", "revision": ""}',
+    '{"t": "self_test"}',
+    '{"t": "self_test", "act": "reset", "step": 3}',
+    '{"t": "self_test", "act": "confirm", "step": -1}',
+    '{"t": "self_test", "act": "confirm", "step": 64}',
+    '{"t": "self_test", "act": "confirm", "step": 1.5}',
+    '{"t": "self_test", "act": "confirm", "step": NaN}',
     '{"t": "stop"} {"t": "stop"}',
     "[" * 4000,
     '{"t": "stop", "id": ' + " " * 4096 + "1}",

@@ -5,16 +5,20 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from robot_stack.contract.faults import FAULTS
+from robot_stack.core import mission
 from robot_stack.core.display_patterns import load_patterns
-from robot_stack.core.mission import Kind
 from robot_stack.core.stop_presence import Presence
-from robot_stack.ui import desk, view
+from robot_stack.ui import desk, self_test, view
 from robot_stack.ui.nodes import hub, mission_files, operator_requests
+from robot_stack.ui.nodes import self_test as self_test_node
 from robot_stack.ui.nodes.server import WEB
+from robot_stack.ui.params import PersonCheck, StopButton
+from robot_stack.ui.self_test import Kind, Reason, Verdict
 
 TEXTS: dict[str, dict[str, str]] = json.loads((WEB / "texts.json").read_text(encoding="utf-8"))
 SCRIPTS = [path for path in WEB.rglob("*.js") if "vendor" not in path.parts]
@@ -30,11 +34,18 @@ FAMILIES = {
         "NO_SAFETY", "NO_MISSION_MANAGER", "PAUSED", "WAITING", "BY_HAND", "RIDE_FAILED", "RIDE_ENDED", "STOPPED",
     },
     "nav.": {
-        "map", "drive", "docking", "display", "faults", "diagnostics", "missions", "history", "recordings", "settings",
+        "map", "drive", "docking", "display", "faults", "self_test", "diagnostics", "missions", "history", "recordings",
+        "settings",
     },
+    "test_verdict.": {verdict.value for verdict in Verdict},
+    "test_reason.": {reason.value for reason in Reason},
+    "test_button.": {kind.value for kind in Kind} - {"check"},
+    "test_screen.": {kind.value for kind in Kind} - {"check"},
+    "test_check.": set(get_args(PersonCheck)),
+    "test_target.": set(get_args(StopButton)),
     "docking.": {"front", "rear"},
     "presence.": {presence.value for presence in Presence},
-    "step.": {kind.value for kind in Kind},
+    "step.": {kind.value for kind in mission.Kind},
     "dock_kind.": {"wheelchair", "station"},
     "settings.": {"normal", "large", "light", "sun", "right", "left"},
 }  # fmt: skip
@@ -48,7 +59,7 @@ def used() -> set[str]:
         named |= {beginning + end for end in ends}
     answers = {
         value
-        for module in (desk, hub, mission_files, operator_requests)
+        for module in (desk, hub, mission_files, operator_requests, self_test, self_test_node)
         for value in vars(module).values()
         if isinstance(value, str) and value.startswith("answer.")
     }

@@ -7,6 +7,7 @@ import { DockingPage } from "/pages/docking.js";
 import { DrivePage } from "/pages/drive.js";
 import { MapPage } from "/pages/map.js";
 import { MissionsPage } from "/pages/missions.js";
+import { SelfTestDue, SelfTestPage } from "/pages/self_test.js";
 import { SettingsPage } from "/pages/settings.js";
 import { DiagnosticsPage, FaultsPage, HistoryPage, RecordingsPage } from "/pages/tables.js";
 
@@ -16,6 +17,7 @@ const PAGES = {
   docking: DockingPage,
   display: DisplayPage,
   faults: FaultsPage,
+  self_test: SelfTestPage,
   diagnostics: DiagnosticsPage,
   missions: MissionsPage,
   history: HistoryPage,
@@ -61,6 +63,9 @@ export function StaffPages({ link, state, say, change }) {
         </button>`)}
       <button class="plain" id="lock" onClick=${() => link.ask({ t: "logout" })}>${t("pin.lock")}</button>
     </nav>
-    <${Page} key=${page} link=${link} state=${state} say=${say} change=${change} />
+    <div class="staff-page">
+      ${page !== "self_test" && html`<${SelfTestDue} age=${state.self_test_age} open=${() => setPage("self_test")} />`}
+      <${Page} key=${page} link=${link} state=${state} say=${say} change=${change} />
+    </div>
   </div>`;
 }
