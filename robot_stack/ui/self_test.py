@@ -228,8 +228,11 @@ class SelfTest:
             self._stop_with(reason)
 
     def answer(self, answer: ResetAnswer, now_s: float) -> Effect | None:
-        """The answer to TRY_RESET or RESET."""
-        if not self._advance_time(now_s) or not self._asked or self.step.kind not in (Kind.REFUSED, Kind.RESET):
+        """The answer to TRY_RESET or RESET. TRY_RESET that is granted after the end of the test stops the robot too."""
+        tried = self._asked and self.step.kind is Kind.REFUSED
+        if not self._advance_time(now_s):
+            return Effect.STOP if tried and answer is ResetAnswer.GRANTED else None
+        if not self._asked or self.step.kind not in (Kind.REFUSED, Kind.RESET):
             return None
         if answer is ResetAnswer.NONE:
             return self._stop_with(Reason.NO_MONITOR)

@@ -219,6 +219,16 @@ def test_reset_granted_although_pressed_fails_and_stops_the_robot(run: Run) -> N
     assert run.test.end.verdict is Verdict.FAILED
 
 
+@pytest.mark.parametrize(("answer", "effect"), [(ResetAnswer.GRANTED, Effect.STOP), (ResetAnswer.REFUSED, None)])
+def test_reset_that_is_granted_after_the_test_ended_stops_the_robot(
+    run: Run, answer: ResetAnswer, effect: Effect | None
+) -> None:
+    run.press()
+    run.test.abort(Reason.LEFT, run.now_s)
+    assert run.answer(answer) is effect
+    assert run.reason() is Reason.LEFT
+
+
 def test_missing_answer_and_early_release_fail_the_refusal(self_test: SelfTestParams) -> None:
     run = Run(self_test)
     run.press()
