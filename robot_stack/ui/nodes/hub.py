@@ -51,6 +51,7 @@ class Page:
         self.frames: dict[p.Layer, bytes] = {}
         self.answers: list[str] = []
         self.alive_s = float("-inf")
+        self.tests_opened = 0
         self.refused = 0
         self.floods = 0
         self.something = asyncio.Event()
@@ -72,7 +73,7 @@ class Hub:
         # Read by the node's thread; replaced, never changed.
         self.awaited: frozenset[p.Layer] = frozenset()
         self.connected = self.pages = 0
-        self.testers: frozenset[int] = frozenset()
+        self.testers: Mapping[int, int] = {}  # pages that show the self test, and how often they have opened it
 
     def stopped(self) -> None:
         """Handles an emergency stop. Called from the node's own loop."""
@@ -147,6 +148,7 @@ class Hub:
     def _show(self, page: Page, layers: frozenset[p.Layer]) -> None:
         for layer in page.layers - layers:
             page.changes.forget(layer.value)
+        page.tests_opened += p.Layer.SELF_TEST in layers - page.layers
         page.layers = layers
         page.ready |= layers & frozenset(p.BINARY_LAYERS)
         page.changes.offer({layer.value: self._layers[layer] for layer in layers if layer in self._layers})
@@ -251,7 +253,8 @@ class Hub:
         silence_s = self._params.server.page_silence_s
         alive = {number for number, page in self._pages.items() if now_s - page.alive_s <= silence_s}
         self.connected = len(alive)
-        self.testers = frozenset(number for number in alive if p.Layer.SELF_TEST in allowed[number])
+        testers = [number for number in alive if p.Layer.SELF_TEST in allowed[number]]
+        self.testers = {number: self._pages[number].tests_opened for number in testers}
         wanted = frozenset(layer for layers in allowed.values() for layer in layers)
         if wanted != self._wanted:
             self._wanted = wanted

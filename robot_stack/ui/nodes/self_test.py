@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -32,7 +32,11 @@ _LEFT_STEP_S = 5
 
 
 class GuidedSelfTest:
-    """In the node's own loop. testers: the connected pages of staff that show the self test."""
+    """In the node's own loop.
+
+    testers: the connected pages of staff that show the self test, and how often each has opened it: a page that was
+    left and opened again between two ticks has left its test.
+    """
 
     def __init__(
         self,
@@ -41,7 +45,7 @@ class GuidedSelfTest:
         inputs: RobotInputs,
         outputs: Outputs,
         history: AuditFile,
-        testers: Callable[[], frozenset[int]],
+        testers: Callable[[], Mapping[int, int]],
     ) -> None:
         self._node, self._params, self._testers = node, params.self_test, testers
         self._inputs, self._outputs, self._history = inputs, outputs, history
@@ -50,7 +54,7 @@ class GuidedSelfTest:
         self._try_reset = OperatorRequest(node, params.reset, services.SAFETY_RESET, 1)
         self._file = SelfTestFile()
         self._test: SelfTest | None = None
-        self._client, self._who = 0, ""
+        self._client, self._opened, self._who = 0, 0, ""
         node.report.more = lambda: [self._status()]
 
     def handle(self, client: int, message: p.SelfTest, who: str) -> str:
@@ -78,7 +82,7 @@ class GuidedSelfTest:
         if test is None:
             return
         now_s = self._node.steady_s()
-        if self._client not in self._testers():
+        if self._testers().get(self._client) != self._opened:
             test.abort(Reason.LEFT, now_s)
         self._do(test, test.observe(self._inputs.self_test(), now_s))
         self._end_if_over(test)
@@ -139,12 +143,13 @@ class GuidedSelfTest:
     def _begin(self, client: int, who: str, now_s: float) -> str:
         if self._test is not None:
             return BUSY
-        if client not in self._testers():
+        opened = self._testers().get(client)
+        if opened is None:
             return NOT_SHOWN
         why = refusal(self._inputs.self_test(), self._params)
         if not why:
             self._test = SelfTest(self._params, self._steps, now_s)
-            self._client, self._who = client, who
+            self._client, self._opened, self._who = client, opened, who
         return why
 
     def _do(self, test: SelfTest, effect: Effect | None) -> None:

@@ -178,7 +178,7 @@ def test_reset_granted_although_pressed_fails_and_the_screen_stops_the_robot(rob
     assert (robot.values()["last_step"], robot.values()["last_reason"]) == ("refused left", "RESET_GRANTED")
 
 
-@pytest.mark.parametrize("how", ["closed", "left", "logged out", "silent"])
+@pytest.mark.parametrize("how", ["closed", "left", "left and back", "logged out", "silent"])
 def test_page_that_is_left_aborts_the_test_and_releases_nothing(robot: Robot, how: str) -> None:
     robot.report()
     page, other = StaffPage(robot.bench), StaffPage(robot.bench)
@@ -192,6 +192,9 @@ def test_page_that_is_left_aborts_the_test_and_releases_nothing(robot: Robot, ho
             page.open.close()
         case "left":
             page.open.say(t="show", layers=["plan"])
+        case "left and back":
+            page.open.say(t="show", layers=[])
+            page.open.say(t="show", layers=["self_test"])
         case "logged out":
             page.open.say(t="logout")
         case "silent":
