@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from robot_stack.core.durable_file import write_durably
+from robot_stack.core.atomic_file import replace_file
 from robot_stack.core.runtime import state_dir
 from robot_stack.ui.self_test_record import Memory, Record, after, parse_memory
 
@@ -24,7 +24,8 @@ class SelfTestFile:
         """Writes the record to the disk before it returns."""
         self.memory = after(self.memory, record)
         try:
-            write_durably(self._last, self.memory.model_dump_json() + "\n")
+            self._last.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+            replace_file(self._last, self.memory.model_dump_json() + "\n")
             _append(self._log, record.model_dump_json() + "\n")
             self.stored = True
         except OSError:
