@@ -15,6 +15,9 @@ from robot_stack.core.range_sensor import RangeSensor
 Positive = Annotated[float, Field(gt=0.0)]
 Bit = Annotated[int, Field(ge=0, lt=8)]
 Xyz = Annotated[tuple[float, float, float], Field(description="m, base_link")]
+SIDES = ("front", "rear", "left", "right")
+# A safety edge must be soft for longer than the robot needs to stop from this speed, with this time until it brakes.
+CREEP_SPEED_MPS, EDGE_REACTION_S = 0.3, 0.1
 Rpy = Annotated[tuple[float, float, float], Field(description="deg, about the fixed axes x, y, z of base_link")]
 
 
@@ -95,6 +98,44 @@ class Latch(Config):
         return self
 
 
+class SafetyEdge(Config):
+    """The safety edge: strips of foam on the four sides of the deck and on the latch's plates, and their engine inputs.
+
+    Each strip has a switch. All of them are in series in a relay, whose contact stops the engine without any client.
+    Inputs are bits of one input byte, normally closed: 1 = free, 0 = pressed or wire cut. The strips' outer faces lie
+    on ``Robot.footprint``. trigger_m: deformation at which a switch opens. travel_m: deformation at which the foam is
+    compressed. stiffness_n_per_m: of one strip.
+    """
+
+    byte: Annotated[int, Field(ge=0, lt=8000)]
+    front_input_bit: Bit
+    rear_input_bit: Bit
+    left_input_bit: Bit
+    right_input_bit: Bit
+    relay_input_bit: Bit
+    trigger_m: Positive
+    travel_m: Positive
+    stiffness_n_per_m: Positive
+
+    @model_validator(mode="after")
+    def _bits_differ(self) -> SafetyEdge:
+        bits = [*self.side_bits.values(), self.relay_input_bit]
+        if len(set(bits)) != len(bits):
+            raise ValueError(f"the input bits of the sides and of the relay must differ, are {bits}")
+        return self
+
+    @property
+    def side_bits(self) -> dict[str, int]:
+        """Input bit of each side, in the order of ``SIDES``."""
+        bits = (self.front_input_bit, self.rear_input_bit, self.left_input_bit, self.right_input_bit)
+        return dict(zip(SIDES, bits, strict=True))
+
+    def stopping_way_m(self, deceleration_mps2: float) -> float:
+        """Way of a robot at creep speed from the first touch until it stands, m."""
+        ramp_m = CREEP_SPEED_MPS**2 / (2.0 * deceleration_mps2)
+        return self.trigger_m + CREEP_SPEED_MPS * EDGE_REACTION_S + ramp_m
+
+
 class Mast(Config):
     """The upright tube that carries the overhead LiDAR's boom, m, base_link."""
 
@@ -142,6 +183,7 @@ class Robot(Config):
     estop_input_byte: Annotated[int, Field(ge=0, lt=8000)]
     estop_input_bit: Bit
     latch: Latch
+    safety_edge: SafetyEdge | None = None
 
     @model_validator(mode="after")
     def _has_its_lidar(self) -> Robot:
@@ -185,6 +227,36 @@ class Robot(Config):
         latch = (self.latch.closed_input_bit, self.latch.open_input_bit)
         if self.latch.byte == self.estop_input_byte and self.estop_input_bit in latch:
             raise ValueError("latch: its input bits must differ from estop_input_bit")
+        edge = self.safety_edge
+        if edge is None:
+            return self
+        taken = {(self.estop_input_byte, self.estop_input_bit): "estop_input_bit"}
+        taken |= {(self.latch.byte, bit): "an input bit of latch" for bit in latch}
+        for name, bit in (*edge.side_bits.items(), ("relay", edge.relay_input_bit)):
+            if (edge.byte, bit) in taken:
+                raise ValueError(
+                    f"safety_edge: {name}_input_bit {bit} of byte {edge.byte} is {taken[edge.byte, bit]} too; "
+                    "each input needs a bit of its own"
+                )
+        return self
+
+    @model_validator(mode="after")
+    def _edge_stops_in_time(self) -> Robot:
+        """An edge that is compressed before the robot stands hits with the robot's whole mass."""
+        edge = self.safety_edge
+        if edge is None:
+            return self
+        way_m = edge.stopping_way_m(self.emergency_deceleration_mps2)
+        if not edge.travel_m > way_m:
+            raise ValueError(
+                f"safety_edge.travel_m must exceed the stopping way from {CREEP_SPEED_MPS} m/s with "
+                f"{EDGE_REACTION_S} s of reaction and trigger_m, {way_m:.4f} m, is {edge.travel_m} m"
+            )
+        footprint, chassis = self.footprint, self.chassis
+        if not edge.travel_m < min(0.5 * chassis.length_m, footprint.front_m, -footprint.rear_m, 0.5 * chassis.width_m):
+            raise ValueError(
+                f"safety_edge.travel_m ({edge.travel_m} m) must be less than half of chassis and footprint"
+            )
         return self
 
     @model_validator(mode="after")

@@ -225,7 +225,7 @@ def load_engine_config() -> EngineConfig:
 
 
 def read_engine_config(path: Path) -> EngineConfig:
-    """One file that describes an engine; values for ``robot_motor`` come from ``config/robot.yaml``.
+    """One file that describes an engine; ``robot_motor`` and ``robot_input`` take values from ``config/robot.yaml``.
 
     Raises ConfigError.
     """
@@ -233,7 +233,23 @@ def read_engine_config(path: Path) -> EngineConfig:
     kinds = data.get("kinds")
     if isinstance(kinds, dict):
         data["kinds"] = {name: _of_robot(kind, str(path)) for name, kind in kinds.items()}
+    data["estop_signal"] = _signal_of_robot(data.get("estop_signal"), str(path))
     return validate(EngineConfig, data, str(path))
+
+
+def _signal_of_robot(signal: Any, source: str) -> Any:
+    """The input that stops the engine, completed from ``config/robot.yaml`` if it names one of the robot's inputs.
+
+    A robot without a safety edge has no such input.
+    """
+    if not isinstance(signal, dict) or "robot_input" not in signal:
+        return signal
+    own = {name: value for name, value in signal.items() if name != "robot_input"}
+    if signal["robot_input"] != "safety_edge":
+        raise ConfigError(f"{source}: estop_signal.robot_input must be safety_edge, is {signal['robot_input']!r}")
+    edge = load_robot().safety_edge
+    byte, bit = (0, 0) if edge is None else (edge.byte, edge.relay_input_bit)
+    return {"enabled": edge is not None, "byte": byte, "bit": bit, "active": 0} | own
 
 
 def _of_robot(kind: Any, source: str) -> Any:

@@ -21,6 +21,7 @@ N_AXES = len(JOINTS)
 # Noise is drawn in blocks: one call of the generator each cycle would cost more than the drives themselves.
 _NOISE_BLOCK = 512
 _TURN_RAD = 2.0 * math.pi
+EDGE_RELAY = "relay"  # of the safety edge, beside the names of its sides
 
 
 class ServoDrives:
@@ -49,6 +50,11 @@ class ServoDrives:
         self._estop = (robot.estop_input_byte, robot.estop_input_bit)
         self._latch = robot.latch
         self._inputs: dict[tuple[int, int], bool] = {self._estop: True}
+        self._edge = robot.safety_edge
+        self._edge_deformed: set[str] = set()
+        self._edge_pressed: set[str] = set()
+        self._edge_cut: set[str] = set()
+        self._set_edge_inputs()
         self._silence_limit_s = params.drives.bus_watchdog_s
         self.outputs: NDArray[np.uint8] = np.zeros(0, np.uint8)
         self._fill(DriveFeedback.zeros(N_AXES, 0))  # compiled now, not with the bus's first telegram
@@ -144,6 +150,32 @@ class ServoDrives:
     @property
     def estop_pressed(self) -> bool:
         return not self._inputs[self._estop]
+
+    def set_edge_deformed(self, side: str, deformed: bool) -> None:
+        """A strip of the safety edge is deformed as far as its switch, or no longer."""
+        if deformed != (side in self._edge_deformed):
+            _set(self._edge_deformed, side, deformed)
+            self._set_edge_inputs()
+
+    def set_edge_pressed(self, side: str, pressed: bool) -> None:
+        """Opens a side's switch and with it the relay, without a contact. Without an edge it has no effect."""
+        _set(self._edge_pressed, side, pressed)
+        self._set_edge_inputs()
+
+    def set_edge_wire_cut(self, name: str, cut: bool) -> None:
+        """Cuts the wire of a side's input or of the relay's (``EDGE_RELAY``); the other inputs keep their values."""
+        _set(self._edge_cut, name, cut)
+        self._set_edge_inputs()
+
+    def _set_edge_inputs(self) -> None:
+        """Normally closed: 1 = free. The relay has all sides in series."""
+        edge = self._edge
+        if edge is None:
+            return
+        open_sides = self._edge_deformed | self._edge_pressed
+        for side, bit in edge.side_bits.items():
+            self._inputs[edge.byte, bit] = side not in open_sides and side not in self._edge_cut
+        self._inputs[edge.byte, edge.relay_input_bit] = not open_sides and EDGE_RELAY not in self._edge_cut
 
     def set_latch_inputs(self, closed: bool, open_: bool) -> None:
         """Sets the inputs of the latch's two switches."""
@@ -281,6 +313,11 @@ def _steering(robot: Robot, params: SimParams) -> dict[int, float]:
         loops.P_COGGING_PER_REV: settings.cogging_per_rev.steer,
         loops.P_NOISE: settings.torque_noise_nm.steer,
     }
+
+
+def _set(names: set[str], name: str, present: bool) -> None:
+    """Adds or removes the name."""
+    (names.add if present else names.discard)(name)
 
 
 def _copy(source: DriveCommands, target: DriveCommands) -> None:

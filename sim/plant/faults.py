@@ -7,6 +7,8 @@ from collections.abc import Callable
 
 from robot_stack.contract.frames import DRIVE_AXES, JOINTS
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.robot import SIDES
+from sim.plant.drives import EDGE_RELAY
 from sim.plant.fault_table import CLEAR as CLEAR
 from sim.plant.fault_table import ActiveFault as ActiveFault
 from sim.plant.fault_table import FaultKind, FaultTable
@@ -88,6 +90,16 @@ def _estop_button(sim: Simulation, target: str, value: float | None) -> str:
     pressed = value is not None and value > 0.5
     sim.world.drives.set_estop_pressed(pressed)
     return f"emergency stop button {'pressed' if pressed else 'released'}"
+
+
+def _edge_pressed(sim: Simulation, target: str, value: float | None) -> str:
+    sim.world.drives.set_edge_pressed(target, value is not None)
+    return f"the safety edge is pressed at the {target}"
+
+
+def _edge_wire_cut(sim: Simulation, target: str, value: float | None) -> str:
+    sim.world.drives.set_edge_wire_cut(target, value is not None)
+    return f"the wire of the safety edge's input {target} is cut"
 
 
 def _engine_stall(sim: Simulation, target: str, value: float | None) -> str:
@@ -187,6 +199,10 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     _row(_imu_frozen, "the inertial unit repeats its last values"),
     _row(_imu_noise, "the inertial unit is noisier", ONLY, _FACTOR),
     _row(_estop_button, "the emergency stop button", ONLY, ("1 pressed, 0 released", 0.0, 1.0, 0.0), over_at=0.5),
+    _row(_edge_pressed, "a side of the safety edge is pressed, and with it its relay", SIDES),
+    _row(
+        _edge_wire_cut, "the wire of one input of the safety edge is cut; relay: of the relay's", (*SIDES, EDGE_RELAY)
+    ),
     _row(_engine_stall, "the motion engine stops cycling"),
     _row(_latch_stuck, "the latch of the wheelchair does not move"),
     _row(_latch_no_confirm, "the latch moves, but its closed input stays 0"),

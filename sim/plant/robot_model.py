@@ -17,6 +17,7 @@ from xml.etree.ElementTree import Element, SubElement
 from robot_stack.contract.frames import MODULES
 from robot_stack.core.robot import Robot
 from sim.parameters import SimParams
+from sim.plant.edge_model import add_edge, core_length_m, core_width_m, plate_travel_m, soft
 from sim.plant.inertia import chassis_inertial, steering_inertial, wheel_inertial
 from sim.plant.mjcf import (
     NO_BITS,
@@ -57,7 +58,12 @@ def add_robot(body: Element, robot: Robot, params: SimParams, friction: float, t
     box = robot.chassis
     half = (0.5 * box.length_m, 0.5 * box.width_m, 0.5 * (box.top_m - box.bottom_m))
     centre = (0.0, 0.0, 0.5 * (box.top_m + box.bottom_m))
-    add_geom(base, "chassis", "box", half, ROBOT_BITS, ROBOT_GROUP, pos=vector(centre), rgba="0.93 0.93 0.95 1")
+    bits = ROBOT_BITS if robot.safety_edge is None else NO_BITS
+    add_geom(base, "chassis", "box", half, bits, ROBOT_GROUP, pos=vector(centre), rgba="0.93 0.93 0.95 1")
+    if robot.safety_edge is not None:
+        core = (0.5 * core_length_m(robot), 0.5 * core_width_m(robot), half[2])
+        add_geom(base, "chassis_core", "box", core, ROBOT_BITS, ROBOT_GROUP, pos=vector(centre), rgba="0 0 0 0")
+        add_edge(base, robot, robot.safety_edge)
     _decoration(base, robot)
     SubElement(base, "site", name="imu", pos=vector(robot.imu_xyz_m))
     _latch(base, robot, params)
@@ -67,7 +73,7 @@ def add_robot(body: Element, robot: Robot, params: SimParams, friction: float, t
 
 def _latch(base: Element, robot: Robot, params: SimParams) -> None:
     """The plates that carry the hooks, and the holding places of the hooks."""
-    latch, plate, front_m = robot.latch, params.latch, 0.5 * robot.chassis.length_m
+    latch, plate, front_m, edge = robot.latch, params.latch, 0.5 * robot.chassis.length_m, robot.safety_edge
     inwards_m, outwards_m = plate.plate_inwards_m, plate.plate_outwards_m
     half = (0.5 * plate.plate_length_m, 0.5 * (inwards_m + outwards_m), 0.5 * plate.plate_height_m)
     middle_m = latch.half_width_m + 0.5 * (outwards_m - inwards_m)
@@ -85,6 +91,7 @@ def _latch(base: Element, robot: Robot, params: SimParams) -> None:
             ROBOT_GROUP,
             pos=vector(centre),
             rgba="0.35 0.36 0.38 1",
+            **({} if edge is None else soft(plate_travel_m(edge, params))),
         )
 
 

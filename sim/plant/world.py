@@ -21,6 +21,7 @@ from robot_stack.core.robot import Robot
 from sim.parameters import SimParams
 from sim.plant.contacts import CHAIR, ROBOT, Contacts, parts
 from sim.plant.drives import JointIndex, ServoDrives
+from sim.plant.edge import Edge
 from sim.plant.latch import Latch
 from sim.plant.model import write_mjcf
 from sim.plant.people import Walker, walkers
@@ -103,6 +104,8 @@ class World:
         self._mocap = [int(self.model.body(name).mocapid[0]) for name in names]
         self._stations = [(name, on_ground(place.pose())) for name, place in setup.world.stations.items()]
         self.chair = Chair(robot, params, self.model, self.data, setup.passenger_mass_kg) if wheelchair else None
+        edge = robot.safety_edge
+        self.edge = None if edge is None else Edge(edge, self.model, self.data, self.drives, self._part, params)
         self.latch = Latch(params.latch, self.drives, self.chair, self.dt_s)
         self._place(setup)
 
@@ -126,6 +129,8 @@ class World:
             self._contacts.note(self.data, self.time_s)
         self.drives.step(self._qpos, self._qvel, self._index, self._ctrl, self._friction)
         self.latch.step()
+        if self.edge is not None:
+            self.edge.step()
         if self.chair is not None:
             self.chair.step()
         mujoco.mj_step(self.model, self.data)
@@ -216,7 +221,7 @@ class World:
         """
         if self.chair is None:
             return 0.0
-        total, force = 0.0, np.zeros(6)
+        total, force = 0.0 if self.edge is None else self.edge.chair_force_n, np.zeros(6)
         for k in range(self.data.ncon):
             contact = self.data.contact[k]
             first, second = (self._part[self.model.geom_bodyid[geom]] for geom in (contact.geom1, contact.geom2))

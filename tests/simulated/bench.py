@@ -32,6 +32,7 @@ from tests.unit.scheduler.rig import constant, params
 
 LATENCY_S, COMPUTE_S, JOB_S, DISCOVERY_S = 0.001, 0.001, 0.02, 0.1
 BUTTON_RELEASED, BUTTON_PRESSED = 1, 0
+EDGE_FREE = 0xFF  # all inputs of the safety edge, byte 1
 _LIMIT_S = 10.0
 _READY_S = 0.2  # after which a new process runs and is discovered by all
 _SOURCE_PERIOD_S = 0.2
@@ -131,7 +132,7 @@ class BenchEngine:
     def run(self) -> BenchEngine:
         """Starts a new engine without starting communication."""
         config = load_engine_config()
-        inputs = self.drives.inputs or {0: BUTTON_RELEASED}
+        inputs = self.drives.inputs or {0: BUTTON_RELEASED, 1: EDGE_FREE}
         self.drives = VirtualDrives(config.n_axes, config.cycle_time_s)
         self.drives.inputs = inputs
         self._epoch += 1
@@ -164,7 +165,7 @@ class BenchEngine:
 
     def press(self, pressed: bool) -> None:
         """Sets the contact of the stop button."""
-        self.drives.inputs = {0: BUTTON_PRESSED if pressed else BUTTON_RELEASED}
+        self.drives.inputs = {0: BUTTON_PRESSED if pressed else BUTTON_RELEASED, 1: EDGE_FREE}
 
     def alarm(self, axis: int, code: int) -> None:
         """Raises an alarm that stays until ``recover``."""

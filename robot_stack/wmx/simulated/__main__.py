@@ -37,7 +37,11 @@ def run_engine(config: EngineConfig, folder: Path, speed: float = 1.0) -> None:
 
 
 def _engine(config: EngineConfig) -> Engine:
-    return Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s, switches=drive_switches(config)))
+    drives = VirtualDrives(config.n_axes, config.cycle_time_s, switches=drive_switches(config))
+    signal = config.estop_signal
+    if not signal.active:  # nothing is wired to virtual drives: the input rests
+        drives.inputs = {signal.byte: 1 << signal.bit}
+    return Engine(config, drives)
 
 
 def main() -> int:

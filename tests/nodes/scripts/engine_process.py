@@ -1,6 +1,7 @@
 """A simulated motion engine on drives without physics; a test sets inputs and faults in a file.
 
-Usage: engine_process.py CONTROL_FILE. The file holds JSON with optional keys: ``input0`` (byte 0 of the inputs),
+Usage: engine_process.py CONTROL_FILE. The file holds JSON with optional keys: ``input0``, ``input1`` (bytes 0 and
+1 of the inputs; by default the button is released and the safety edge is free),
 ``alarms`` (axis -> code; an alarm stays until it is cleared), ``connected`` (the bus). Each cycle reads the file if it
 exists; it may be replaced at any time.
 """
@@ -43,7 +44,7 @@ class Control:
 
     def _apply(self, requested: dict[str, Any]) -> None:
         alarms = requested.get("alarms", {})
-        self._drives.inputs = {0: requested.get("input0", 1)}
+        self._drives.inputs = {0: requested.get("input0", 1), 1: requested.get("input1", 0xFF)}
         self._drives.connected = requested.get("connected", True)
         self._drives.stubborn = bool(alarms)
         for axis, code in alarms.items():

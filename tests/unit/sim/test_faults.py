@@ -176,6 +176,33 @@ def test_estop_button(rig: Rig) -> None:
     assert rig.faults.active == ()
 
 
+def edge_inputs(rig: Rig) -> set[str]:
+    """The inputs of the safety edge that read as pressed."""
+    edge = ROBOT.safety_edge
+    assert edge is not None
+    rig.run(0.002)
+    value = int(rig.inp.inputs[edge.byte])
+    bits = {**edge.side_bits, "relay": edge.relay_input_bit}
+    return {name for name, bit in bits.items() if not value >> bit & 1}
+
+
+@pytest.mark.parametrize("side", ["front", "rear", "left", "right"])
+def test_edge_pressed_opens_the_side_and_the_relay(rig: Rig, side: str) -> None:
+    assert edge_inputs(rig) == set()
+    rig.faults.inject("edge_pressed", side)
+    assert edge_inputs(rig) == {side, "relay"}
+    rig.faults.inject("clear", f"edge_pressed:{side}")
+    assert edge_inputs(rig) == set()
+
+
+@pytest.mark.parametrize("name", ["front", "rear", "left", "right", "relay"])
+def test_edge_wire_cut_opens_one_input(rig: Rig, name: str) -> None:
+    rig.faults.inject("edge_wire_cut", name)
+    assert edge_inputs(rig) == {name}
+    rig.faults.inject("clear")
+    assert edge_inputs(rig) == set()
+
+
 def test_estop_button_held_for_a_while(rig: Rig) -> None:
     rig.faults.inject("estop_button", value=1.0, duration_s=0.1)
     rig.run(0.05)

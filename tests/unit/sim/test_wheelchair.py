@@ -117,14 +117,16 @@ def test_nothing_touches_where_the_latch_can_take_it(off_m: tuple[float, float],
 
 
 def test_the_robot_pushes_it_with_effort() -> None:
-    """105 kg on a brake of 0.5 need 515 N, which the latch's plates apply to the rails 20 mm before the dock pose."""
+    """105 kg on a brake of 0.5 need 515 N, which the latch's plates apply to the rails 20 mm before the dock pose,
+    once the safety edge on them is compressed by 30 mm. No engine stops this robot.
+    """
     bench = make(CHAIR)
     bench.servo()
     forces: list[float] = []
     bench.drive(Twist2(0.1, 0.0, 0.0))
     bench.run(1.5, lambda: forces.append(bench.world.contact_force_n()))
     assert place_of(bench.world)[0, 3] > CHAIR.x + 0.05
-    assert bench.world.dock_error(DOCK_POSE)[0] == pytest.approx(0.020, abs=0.003)
+    assert bench.world.dock_error(DOCK_POSE)[0] == pytest.approx(0.050, abs=0.003)
     assert np.mean(forces[-500:]) == pytest.approx(0.5 * 105.0 * 9.81, rel=0.25)
 
 

@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
-from robot_stack.core.config import ConfigError, validate
+from robot_stack.core.config import ConfigError, config_dir, read_yaml, validate
 from robot_stack.core.robot import load_robot
 from robot_stack.wmx.api import AxisCommandMode, Config_EStopSignalSource, EStopLevel
 from robot_stack.wmx.axes import Flag
-from robot_stack.wmx.config import ClientConfig, EngineConfig, load_client_config, load_engine_config
+from robot_stack.wmx.config import (
+    ClientConfig,
+    EngineConfig,
+    load_client_config,
+    load_engine_config,
+    read_engine_config,
+)
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
 from tests.unit.wmx.harness import axis_kind, client_config, engine_data, runtime_folder
@@ -38,10 +46,28 @@ class TestRobotsEngine:
         assert config.kinds["drive"].quick_stop_dec_radps2 == pytest.approx(at_the_wheel, rel=1e-4)
         assert config.kinds["steer"].estop_dec_radps2 <= robot.steer.max_acceleration_radps2
 
-    def test_button_is_where_the_robot_has_it(self) -> None:
-        signal, robot = load_engine_config().estop_signal, load_robot()
-        assert (signal.byte, signal.bit) == (robot.estop_input_byte, robot.estop_input_bit)
-        assert signal.active == 0, "normally closed"
+    def test_relay_of_the_safety_edge_stops_the_engine(self) -> None:
+        signal, edge = load_engine_config().estop_signal, load_robot().safety_edge
+        assert edge is not None
+        assert (signal.enabled, signal.byte, signal.bit) == (True, edge.byte, edge.relay_input_bit)
+        assert (signal.active, signal.level) == (0, "level1"), "normally closed"
+
+    def test_a_robot_without_an_edge_has_no_input_that_stops_the_engine(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    ) -> None:
+        robot = read_yaml(config_dir() / "robot.yaml")
+        del robot["safety_edge"]
+        (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot), encoding="utf-8")
+        (tmp_path / "wmx_engine.yaml").write_text((config_dir() / "wmx_engine.yaml").read_text(encoding="utf-8"))
+        monkeypatch.setenv("ROBOT_STACK_CONFIG", str(tmp_path))
+        assert not load_engine_config().estop_signal.enabled
+
+    def test_another_input_of_the_robot_is_refused(self, tmp_path: Path) -> None:
+        text = (config_dir() / "wmx_engine.yaml").read_text(encoding="utf-8")
+        file = tmp_path / "engine.yaml"
+        file.write_text(text.replace("robot_input: safety_edge", "robot_input: bumper"), encoding="utf-8")
+        with pytest.raises(ConfigError, match="robot_input must be safety_edge, is 'bumper'"):
+            read_engine_config(file)
 
     def test_cycle_is_a_millisecond(self) -> None:
         assert load_engine_config().cycle_time_s == 0.001

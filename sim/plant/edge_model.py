@@ -1,0 +1,75 @@
+"""The safety edge as MJCF: soft strips around the deck and on the latch's plates.
+
+Each strip is a geom whose contacts MuJoCo detects from the first touch on, but resolves only from ``travel_m`` of
+overlap on (a negative margin with a gap of the same size). ``sim.plant.edge`` pushes until then. Without a touch,
+nothing differs from a robot without an edge.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+from xml.etree.ElementTree import Element
+
+from robot_stack.core.robot import Robot, SafetyEdge
+from sim.parameters import SimParams
+from sim.plant.mjcf import ROBOT_BITS, ROBOT_GROUP, add_geom, number, vector
+
+PREFIX: Final = "edge_"
+PLATES: Final = ("latch_plate_left", "latch_plate_right")
+# From the middle of a hook inwards to the front strip: half the thickness of a rail, and the 10 mm that the latch
+# catches it off its place.
+_RAIL_CLEARANCE_M = 0.03
+_INVISIBLE = "0 0 0 0"
+
+
+def core_length_m(robot: Robot) -> float:
+    """Length of the part of the chassis that is rigid from the first touch on."""
+    if robot.safety_edge is None:
+        return robot.chassis.length_m
+    footprint, travel_m = robot.footprint, robot.safety_edge.travel_m
+    return min(robot.chassis.length_m, 2.0 * (min(footprint.front_m, -footprint.rear_m) - travel_m))
+
+
+def core_width_m(robot: Robot) -> float:
+    """Its width."""
+    if robot.safety_edge is None:
+        return robot.chassis.width_m
+    return min(robot.chassis.width_m, robot.footprint.width_m - 2.0 * robot.safety_edge.travel_m)
+
+
+def soft(travel_m: float) -> dict[str, str]:
+    """Attributes of a geom that is detected from the first touch on and rigid from ``travel_m`` on."""
+    return {"margin": number(-travel_m), "gap": number(travel_m)}
+
+
+def plate_travel_m(edge: SafetyEdge, params: SimParams) -> float:
+    """Travel of the strip on a latch plate: deeper overlaps have no clear direction in a plate of this length."""
+    return min(edge.travel_m, 0.5 * params.latch.plate_length_m)
+
+
+def add_edge(base: Element, robot: Robot, edge: SafetyEdge) -> None:
+    """Two crossed boxes whose faces are the strips: front and rear on one, left and right on the other.
+
+    They have the chassis' height. The rails of a latched wheelchair end at the footprint's front, beside the front
+    strip and ahead of the crosswise box.
+    """
+    chassis, footprint = robot.chassis, robot.footprint
+    half_height_m, middle_m = 0.5 * (chassis.top_m - chassis.bottom_m), 0.5 * (chassis.top_m + chassis.bottom_m)
+    along_width_m = min(0.5 * chassis.width_m, robot.latch.half_width_m - _RAIL_CLEARANCE_M)
+    across_length_m = 0.5 * chassis.length_m - edge.travel_m
+    boxes = (
+        ("along", footprint.front_m, footprint.rear_m, along_width_m),
+        ("across", across_length_m, -across_length_m, 0.5 * footprint.width_m),
+    )
+    for name, front_m, rear_m, half_width_m in boxes:
+        add_geom(
+            base,
+            PREFIX + name,
+            "box",
+            (0.5 * (front_m - rear_m), half_width_m, half_height_m),
+            ROBOT_BITS,
+            ROBOT_GROUP,
+            pos=vector((0.5 * (front_m + rear_m), 0.0, middle_m)),
+            rgba=_INVISIBLE,
+            **soft(edge.travel_m),
+        )
