@@ -16,6 +16,9 @@ FAULTS: tuple[Fault, ...] = (
         "ESTOP_PRESSED", "any /emergency_stop true, or the button's process silent > 0.4 s", _ESTOP, _EMERGENCY, _RESET
     ),
     Fault(
+        "CONTACT", "a side of the safety edge pressed or its wire cut, or its relay open", _ESTOP, _EMERGENCY, _RESET
+    ),
+    Fault(
         "CHAIR_LOOSE",
         "latch no longer confirmed closed with a wheelchair on it, without a command at standstill",
         _ESTOP,

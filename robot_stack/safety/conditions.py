@@ -230,6 +230,7 @@ def ui_link_lost(now: Snapshot, params: SafetyParams, active_action: SafetyActio
 # Findings that a watch with a memory has made already (``robot_stack.safety.inputs.Snapshot``) pass unchanged.
 CONDITIONS: Mapping[str, Condition] = {
     "ESTOP_PRESSED": estop_pressed,
+    "CONTACT": lambda now, *_: now.contact,
     "CHAIR_LOOSE": lambda now, *_: now.chair_loose,
     "DRIVE_FAULT": lambda now, *_: now.drive,
     "STEERING_FAULT": lambda now, *_: now.steering,

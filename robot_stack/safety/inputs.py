@@ -8,7 +8,7 @@ from enum import IntEnum
 
 from robot_stack.contract.model import Criticality, SafetyAction
 from robot_stack.core.limits import SpeedLimit
-from robot_stack.core.robot import Latch
+from robot_stack.core.robot import Latch, SafetyEdge
 from robot_stack.safety.button import Contact
 from robot_stack.safety.collision_prediction import CollisionPrediction
 from robot_stack.wmx.axes import StatusSnapshot
@@ -72,6 +72,31 @@ class LatchReading:
 
 
 @dataclass(frozen=True, slots=True)
+class EdgeReading:
+    """The inputs of the safety edge in one engine cycle.
+
+    sides: those whose switch is open. relay_open: the relay with all sides in series is open.
+    """
+
+    sides: tuple[str, ...] = ()
+    relay_open: bool = False
+
+    @property
+    def pressed(self) -> bool:
+        """A switch or the relay is open, or one of their wires is cut."""
+        return bool(self.sides) or self.relay_open
+
+    def describe(self) -> str:
+        """The phrase for a pressed edge. Sides and relay that disagree are a defect of the wiring."""
+        if not self.sides:
+            return "safety edge: relay open, no side pressed: check the relay and its wire"
+        names = ", ".join(self.sides)
+        if not self.relay_open:
+            return f"safety edge: {names} open, relay closed: check the wire and the relay"
+        return f"safety edge pressed: {names}: remove the contact"
+
+
+@dataclass(frozen=True, slots=True)
 class DriveReading:
     """One reading of the motion engine's status.
 
@@ -79,6 +104,7 @@ class DriveReading:
     axes: the robot's axes, index = axis number.
     button: contact of the emergency-stop button, an input of the engine.
     latch: contacts of the wheelchair's latch, inputs of the engine; None if they cannot be read.
+    edge: switches of the safety edge, inputs of the engine; None if they cannot be read or there is no edge.
     """
 
     communicating: bool
@@ -86,6 +112,7 @@ class DriveReading:
     axes: tuple[Axis, ...]
     button: Contact = Contact.UNREADABLE
     latch: LatchReading | None = None
+    edge: EdgeReading | None = None
 
 
 def latch_reading(status: StatusSnapshot, latch: Latch) -> LatchReading | None:
@@ -99,10 +126,26 @@ def latch_reading(status: StatusSnapshot, latch: Latch) -> LatchReading | None:
     )
 
 
-def drive_reading(status: StatusSnapshot, button: Contact, latch: Latch) -> DriveReading:
+def edge_reading(status: StatusSnapshot, edge: SafetyEdge | None) -> EdgeReading | None:
+    """The safety edge at the inputs of the motion engine, None without one or while they cannot be read.
+
+    Normally closed: a cut wire reads as pressed.
+    """
+    if edge is None or not status.communicating:
+        return None
+    return EdgeReading(
+        sides=tuple(side for side, bit in edge.side_bits.items() if not status.input_bit(edge.byte, bit)),
+        relay_open=not status.input_bit(edge.byte, edge.relay_input_bit),
+    )
+
+
+def drive_reading(
+    status: StatusSnapshot, button: Contact, latch: Latch, edge: SafetyEdge | None = None
+) -> DriveReading:
     flags = zip(status.servo_on, status.amp_alarm, status.following_error_alarm, strict=True)
     axes = tuple(Axis(bool(on), bool(alarm), bool(error)) for on, alarm, error in flags)
-    return DriveReading(status.communicating, status.cycle_counter, axes, button, latch_reading(status, latch))
+    contacts = button, latch_reading(status, latch), edge_reading(status, edge)
+    return DriveReading(status.communicating, status.cycle_counter, axes, *contacts)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,6 +189,7 @@ class Snapshot:
     overspeed: judgement of the measured speed by the limits that were in force, made by ``OverspeedWatch``.
     joint_states_up: they have once been fresh for the whole settling time of the start-up.
     estop: phrase that names the sources of the stop, empty without any.
+    contact: judgement of the safety edge, made by ``EdgeWatch``.
     chair_loose, latch_not_closed: judgement of the latch and the wheelchair on it, made by ``ChairWatch``.
     undocking: the limit while the robot undocks from a wheelchair that the latch does not hold, else None.
     steering: judgement of commanded and measured headings, made by ``SteeringWatch``.
@@ -166,6 +210,7 @@ class Snapshot:
 
     uptime_s: float
     estop: str
+    contact: Finding
     chair_loose: Finding
     latch_not_closed: Finding
     undocking: SpeedLimit | None

@@ -24,6 +24,7 @@ from robot_stack.safety.computer_watch import ComputerWatch, LinkWatch
 from robot_stack.safety.conditions import stale_s
 from robot_stack.safety.dead_reckoning import DeadReckoning, Modules
 from robot_stack.safety.drive_watch import DriveWatch
+from robot_stack.safety.edge_watch import EdgeWatch
 from robot_stack.safety.inputs import DriveReading, ImuSample, ProcessAge, Snapshot
 from robot_stack.safety.lidar_watch import LidarWatch
 from robot_stack.safety.overspeed import OverspeedWatch
@@ -46,7 +47,7 @@ _BUTTON = "emergency_stop_button"
 class Observation:
     """The inputs and their history. All times are steady seconds at reception.
 
-    chair: the wheelchair and the latch.
+    chair: the wheelchair and the latch. edge: the safety edge.
     latch_problem: why the monitor's memory is not on disk, empty if it is.
     """
 
@@ -61,6 +62,7 @@ class Observation:
         self._started_s = now_s
         undocking = SpeedLimit(params.undocking.max_speed_mps, params.undocking.max_yaw_rate_radps)
         self.chair = ChairWatch(passenger, undocking, stale_s(topics.LATCH_STATUS))
+        self.edge = EdgeWatch(robot.safety_edge is not None, params.button_debounce_s)
         self._settle_s = params.startup_settle_s
         self._criticality = {name: processes.BY_NAME[name].criticality for name in params.expected_processes}
         self._heard_s: dict[str, float] = {}
@@ -133,6 +135,7 @@ class Observation:
         self.drive.received(reading, now_s)
         self.button.update(Contact.UNREADABLE if reading is None else reading.button, now_s)
         self.chair.contacts(None if reading is None else reading.latch)
+        self.edge.received(None if reading is None else reading.edge, now_s)
 
     def joint_states(
         self, names: Sequence[str], position_rad: Sequence[float], velocity_radps: Sequence[float], now_s: float
@@ -181,6 +184,7 @@ class Observation:
         return Snapshot(
             uptime_s=age_s(now_s, self._started_s),
             estop=estop,
+            contact=self.edge.judge(),
             chair_loose=self.chair.loose(stands),
             latch_not_closed=self.chair.not_held(source, now_s),
             undocking=self.chair.undocking(source, now_s),

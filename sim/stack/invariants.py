@@ -5,7 +5,7 @@ once per subject, at the first time.
 
 Not judged: contacts between robot and chair before they are latched (docking touches it), COLLISION_IMMINENT,
 OBSTACLE_NEAR and SLOPE (their conditions rest on predictions; contacts are judged instead), OVERSPEED (the speed itself
-is judged), CAMERA_TIMEOUT, LATCH_NOT_STORED and UI_LINK_LOST (only the nodes know the camera, write or page
+is judged), CONTACT (the engine stops by itself), CAMERA_TIMEOUT, LATCH_NOT_STORED and UI_LINK_LOST (only the nodes know the camera, write or page
 that counts), the values of LOCALIZATION_LOST and a frozen IMU.
 """
 

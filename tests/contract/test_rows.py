@@ -401,6 +401,7 @@ ACTIONS = {
 # code -> (most severe action, state, latched until a reset, seconds it must be absent)
 FAULTS = {
     "ESTOP_PRESSED": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
+    "CONTACT": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "CHAIR_LOOSE": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "DRIVE_FAULT": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),
     "STEERING_FAULT": (SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, True, 0.0),

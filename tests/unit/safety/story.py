@@ -24,7 +24,7 @@ from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.robot import load_robot
 from robot_stack.safety.arbiter import Verdict
 from robot_stack.safety.button import Contact
-from robot_stack.safety.inputs import Axis, DriveReading, ImuSample, LatchReading
+from robot_stack.safety.inputs import Axis, DriveReading, EdgeReading, ImuSample, LatchReading
 from robot_stack.safety.monitor import Memory, ResetAnswer, SafetyMonitor
 from robot_stack.safety.params import SafetyParams
 from robot_stack.safety.stop_sources import SourceReport
@@ -80,6 +80,7 @@ class Story:
         self.dock: Pose2 | None = None
         self.button = Contact.RELEASED
         self.latch: LatchReading | None = OPEN
+        self.edge: EdgeReading | None = EdgeReading()
         self.usage: tuple[float, float, float] | None = (20.0, 40.0, 60.0)
         self.temperature_c: float | None = 50.0
         self.ehmi_linked = self.ui_connected = False
@@ -189,7 +190,8 @@ class Story:
         for source in self.reporting if self.ticks % 20 == 0 else ():
             self.report(source)
         if self.communicating is not None:
-            reading = DriveReading(self.communicating, self.ticks, tuple(self.axes), self.button, self.latch)
+            axes = tuple(self.axes)
+            reading = DriveReading(self.communicating, self.ticks, axes, self.button, self.latch, self.edge)
             inputs.engine(reading, now_s)
         if self.wheel_radps is not None:
             velocity = [self.wheel_radps, 0.0] * 4

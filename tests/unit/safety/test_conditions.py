@@ -28,6 +28,7 @@ WELL = Snapshot(
     uptime_s=100.0,
     estop="",
     drive=CLEAR,
+    contact=CLEAR,
     chair_loose=CLEAR,
     latch_not_closed=CLEAR,
     undocking=None,
@@ -126,6 +127,7 @@ def test_drive_condition_returns_the_finding_of_its_watch() -> None:
     found = Finding(Level.WAITING, STOP, None, "coming up")
     assert find("DRIVE_FAULT", drive=found) is found
     assert find("OVERSPEED", overspeed=found) is found
+    assert find("CONTACT", contact=found) is found
     assert find("CHAIR_LOOSE", chair_loose=found) is found
     assert find("STEERING_FAULT", steering=found) is found
     assert find("LATCH_NOT_CLOSED", latch_not_closed=found) is found
