@@ -5,8 +5,8 @@ once per subject, at the first time.
 
 Not judged: contacts between robot and chair before they are latched (docking touches it), COLLISION_IMMINENT,
 OBSTACLE_NEAR and SLOPE (their conditions rest on predictions; contacts are judged instead), OVERSPEED (the speed itself
-is judged), CONTACT (the engine stops by itself), CAMERA_TIMEOUT, LATCH_NOT_STORED and UI_LINK_LOST (only the nodes know the camera, write or page
-that counts), the values of LOCALIZATION_LOST and a frozen IMU.
+is judged), CONTACT (the engine stops by itself), CAMERA_TIMEOUT, LATCH_NOT_STORED and UI_LINK_LOST (only the nodes
+know the camera, write or page that counts), the values of LOCALIZATION_LOST and a frozen IMU.
 """
 
 from __future__ import annotations
