@@ -87,6 +87,7 @@ def test_action_is_at_most_that_of_the_contract(code: str) -> None:
     worst: dict[str, Any] = {
         "uptime_s": math.inf,
         "estop": "pressed",
+        "contact": present(EMERGENCY, "front"),
         "chair_loose": present(EMERGENCY, "loose"),
         "latch_not_closed": present(STOP, "loose"),
         "steering": present(EMERGENCY, "stuck"),
