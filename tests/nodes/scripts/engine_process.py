@@ -29,6 +29,7 @@ class Control:
         self._path, self._drives = path, drives
         self._seen = -1
         self.end = False
+        self._apply({})
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._on_signal)
 
