@@ -256,13 +256,16 @@ def test_friction_is_that_of_the_place_again_once_an_area_goes() -> None:
 
 
 def test_a_wall_stops_the_robot() -> None:
+    """The wheels go on: the safety edge is compressed as far as it is soft, and not further."""
     wall = next(item for item in load_world("ramps").walls if item.name == "stop_wall")
     bench = make_bench("ramps", start=Pose2(wall.x_m - 1.2, wall.y_m, 0.0))
     bench.servo()
     bench.drive(Twist2(0.5, 0.0, 0.0))
     bench.run(4.0)
-    nose = bench.world.truth().position_m[0] + 0.5 * ROBOT.chassis.length_m
-    assert nose == pytest.approx(wall.x_m - 0.5 * wall.length_m, abs=0.03)
+    edge = ROBOT.safety_edge
+    assert edge is not None
+    front_m = bench.world.truth().position_m[0] + ROBOT.footprint.front_m
+    assert edge.trigger_m < front_m - (wall.x_m - 0.5 * wall.length_m) < edge.travel_m + 0.01
 
 
 def ride(seed: int) -> tuple[np.ndarray, np.ndarray]:
