@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -94,12 +94,11 @@ class Report:
     def diagnose(self) -> None:
         inputs = self._node.input_states()
         stale = [item.name for item in inputs.values() if item.received and not item.fresh]
-        status = DiagnosticStatus(
-            name=self._node.port.name,
-            hardware_id="robot_stack",
-            level=DiagnosticStatus.OK if self.ok and not stale else DiagnosticStatus.WARN,
-            message=self.text if not stale else f"{self.text}; stale: {', '.join(stale)}",
-            values=[KeyValue(key=key, value=value) for key, value in self._values(inputs).items()],
+        status = diagnostic_status(
+            self._node.port.name,
+            DiagnosticStatus.OK if self.ok and not stale else DiagnosticStatus.WARN,
+            self.text if not stale else f"{self.text}; stale: {', '.join(stale)}",
+            self._values(inputs).items(),
         )
         message = DiagnosticArray(status=[status, *self.more()])
         message.header.stamp = self._node.stamp()
@@ -116,3 +115,14 @@ class Report:
             )
             loop.calls, loop.worst_s, loop.overruns = 0, 0.0, 0
         return values
+
+
+def diagnostic_status(name: str, level: bytes, message: str, values: Iterable[tuple[str, str]]) -> DiagnosticStatus:
+    """An entry of this stack in ``/diagnostics``."""
+    return DiagnosticStatus(
+        name=name,
+        hardware_id="robot_stack",
+        level=level,
+        message=message,
+        values=[KeyValue(key=key, value=value) for key, value in values],
+    )

@@ -12,10 +12,8 @@ from dataclasses import dataclass
 from robot_stack.contract import topics
 from robot_stack.contract.model import SafetyAction
 from robot_stack.core.limits import SpeedLimit
-from robot_stack.safety.inputs import CLEAR, Finding, LatchReading, Level
+from robot_stack.safety.inputs import CLEAR, UNKNOWN, Finding, LatchReading, Level
 from robot_stack.safety.timing import age_s
-
-_UNKNOWN = Finding(Level.UNKNOWN)
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +79,7 @@ class ChairWatch:
         """
         reading = self._reading
         if reading is None:
-            return _UNKNOWN
+            return UNKNOWN
         was_held, self._held = self._held, self.attached and reading.confirmed
         if was_held and self.attached and not self._held and not (reading.opening and stands):
             return Finding(Level.PRESENT, SafetyAction.EMERGENCY_STOP, detail=reading.describe())
@@ -94,7 +92,7 @@ class ChairWatch:
         """
         reading = self._reading
         if reading is None:
-            return _UNKNOWN
+            return UNKNOWN
         if not self._unheld(reading) or self._undocks(source, now_s):
             return CLEAR
         return Finding(Level.PRESENT, SafetyAction.STOP, detail=f"{reading.describe()}: undock")

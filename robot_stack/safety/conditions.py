@@ -15,13 +15,12 @@ from robot_stack.contract.model import Criticality, SafetyAction, Topic
 from robot_stack.contract.processes import HEARTBEAT_STALE_S
 from robot_stack.core.limits import STANDSTILL, SpeedLimit
 from robot_stack.safety.collision_prediction import ground_limit_mps, seen_limit_mps, speed_limit_mps
-from robot_stack.safety.inputs import CLEAR, Finding, Level, Snapshot
+from robot_stack.safety.inputs import CLEAR, UNKNOWN, Finding, Level, Snapshot
 
 if TYPE_CHECKING:
     from robot_stack.safety.params import SafetyParams
 
 _WARN, _LIMIT, _STOP, _EMERGENCY = SafetyAction.WARN, SafetyAction.LIMIT, SafetyAction.STOP, SafetyAction.EMERGENCY_STOP
-_UNKNOWN = Finding(Level.UNKNOWN)
 
 Condition = Callable[[Snapshot, "SafetyParams", SafetyAction], Finding]
 
@@ -44,7 +43,7 @@ def joint_states_timeout(now: Snapshot, params: SafetyParams, active_action: Saf
 def tilt(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """About to tip over."""
     if math.isnan(now.inclination_rad):
-        return _UNKNOWN
+        return UNKNOWN
     if not now.inclination_rad > math.radians(params.tilt_clear_deg if active_action else params.tilt_stop_deg):
         return CLEAR
     return _present(_EMERGENCY, f"inclination {math.degrees(now.inclination_rad):.1f} deg")
@@ -94,7 +93,7 @@ def battery_low(now: Snapshot, params: SafetyParams, active_action: SafetyAction
 def battery_critical(now: Snapshot, params: SafetyParams, active_action: SafetyAction) -> Finding:
     """Hardly any charge left: the speed is limited."""
     if not now.battery_age_s <= stale_s(topics.BATTERY_STATE):
-        return _UNKNOWN
+        return UNKNOWN
     return _emptier(now, _refilled(params.battery_critical, params, active_action), _LIMIT, _degraded(params))
 
 
@@ -129,7 +128,7 @@ def collision_imminent(now: Snapshot, params: SafetyParams, active_action: Safet
     """The robot must brake now, or is too near to an obstacle to start in its direction."""
     prediction, p = now.prediction, params.collision
     if prediction is None:
-        return _UNKNOWN
+        return UNKNOWN
     time_s = p.stop_s + (p.hysteresis_s if active_action else 0.0)
     clearance_m = p.stop_clearance_m + (p.hysteresis_m if active_action else 0.0)
     if prediction.moving.time_s < time_s:
@@ -143,7 +142,7 @@ def obstacle_near(now: Snapshot, params: SafetyParams, active_action: SafetyActi
     """An obstacle is in the way: the nearer the slower."""
     prediction, p = now.prediction, params.collision
     if prediction is None:
-        return _UNKNOWN
+        return UNKNOWN
     time_s = p.near_s + (p.hysteresis_s if active_action else 0.0)
     clearance_m = p.near_clearance_m + (p.hysteresis_m if active_action else 0.0)
     linear_mps, detail = prediction.pedestrian_collision.speed_mps, "pedestrian approaching"
@@ -280,7 +279,7 @@ def _emptier(now: Snapshot, needed: float, action: SafetyAction, limit: SpeedLim
 def _above(value: float, limit: float, detail: str) -> Finding:
     """A warning. An unknown value neither raises nor clears it: its missing publisher is reported as NODE_DEAD."""
     if math.isnan(value):
-        return _UNKNOWN
+        return UNKNOWN
     return _present(_WARN, detail) if value > limit else CLEAR
 
 

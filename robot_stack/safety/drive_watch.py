@@ -19,11 +19,10 @@ from collections.abc import Callable
 
 from robot_stack.contract.frames import JOINTS
 from robot_stack.contract.model import SafetyAction
-from robot_stack.safety.inputs import CLEAR, Axis, DriveReading, Finding, Level
+from robot_stack.safety.inputs import CLEAR, UNKNOWN, Axis, DriveReading, Finding, Level
 from robot_stack.safety.timing import Hold, age_s
 
 AXES = len(JOINTS)
-_UNKNOWN = Finding(Level.UNKNOWN)
 
 
 class DriveWatch:
@@ -86,7 +85,7 @@ class DriveWatch:
             return CLEAR
         if waiting:
             return _waiting(off)
-        return _fault(off) if off_for_s is not None and off_for_s > self._servo_off_s else _UNKNOWN
+        return _fault(off) if off_for_s is not None and off_for_s > self._servo_off_s else UNKNOWN
 
     def _good_for(self, seconds: float | None) -> Finding:
         if self._first_time and (seconds is None or not seconds >= self._startup_settle_s):

@@ -9,10 +9,8 @@ Inputs that cannot be read neither raise nor clear the row: the same condition r
 from __future__ import annotations
 
 from robot_stack.contract.model import SafetyAction
-from robot_stack.safety.inputs import CLEAR, EdgeReading, Finding, Level
+from robot_stack.safety.inputs import CLEAR, UNKNOWN, EdgeReading, Finding, Level
 from robot_stack.safety.timing import Hold
-
-_UNKNOWN = Finding(Level.UNKNOWN)
 
 
 class EdgeWatch:
@@ -39,4 +37,4 @@ class EdgeWatch:
             return CLEAR
         if self._pressed is not None:
             return Finding(Level.PRESENT, SafetyAction.EMERGENCY_STOP, detail=self._pressed.describe())
-        return _UNKNOWN if self._reading is None else CLEAR
+        return UNKNOWN if self._reading is None else CLEAR

@@ -38,7 +38,7 @@ class Finding:
     detail: str = ""
 
 
-CLEAR = Finding(Level.CLEAR)
+CLEAR, UNKNOWN = Finding(Level.CLEAR), Finding(Level.UNKNOWN)
 
 
 @dataclass(frozen=True, slots=True)

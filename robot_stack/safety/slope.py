@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from robot_stack.contract.model import SafetyAction
 from robot_stack.core.geometry import Twist2, wrap_angle
 from robot_stack.core.limits import STANDSTILL, SpeedLimit
-from robot_stack.safety.inputs import CLEAR, Finding, Level
+from robot_stack.safety.inputs import CLEAR, UNKNOWN, Finding, Level
 from robot_stack.safety.timing import age_s
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ class SlopeWatch:
         """
         if math.isnan(inclination_rad):
             # The fall line is unknown. A slope that was not steep is UNKNOWN and keeps its limit.
-            return _present("the fall line is unknown on a steep slope") if self._steep else Finding(Level.UNKNOWN)
+            return _present("the fall line is unknown on a steep slope") if self._steep else UNKNOWN
         p = self._params
         self._limited = inclination_rad > math.radians(
             p.slope_limit_deg - (p.slope_hysteresis_deg if self._limited else 0.0)

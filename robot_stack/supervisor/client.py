@@ -160,8 +160,8 @@ def _wait_ready(
                 end_s = time.monotonic() + deadline_s
             if all(item["state"] in ("ready", "failed") for item in status["processes"]):
                 break  # nothing is left to wait for
-        if not status and computed_s < (now_s := _processor_s(supervisor.pid)) < _START_PROCESSOR_S:
-            computed_s, end_s = now_s, time.monotonic() + deadline_s
+        if not status and computed_s < (newest_s := _processor_s(supervisor.pid)) < _START_PROCESSOR_S:
+            computed_s, end_s = newest_s, time.monotonic() + deadline_s
         time.sleep(_POLL_S)
     raise StartError(not_ready(status))
 

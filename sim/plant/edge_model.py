@@ -22,19 +22,11 @@ _RAIL_CLEARANCE_M = 0.03
 _INVISIBLE = "0 0 0 0"
 
 
-def core_length_m(robot: Robot) -> float:
-    """Length of the part of the chassis that is rigid from the first touch on."""
-    if robot.safety_edge is None:
-        return robot.chassis.length_m
-    footprint, travel_m = robot.footprint, robot.safety_edge.travel_m
-    return min(robot.chassis.length_m, 2.0 * (min(footprint.front_m, -footprint.rear_m) - travel_m))
-
-
-def core_width_m(robot: Robot) -> float:
-    """Its width."""
-    if robot.safety_edge is None:
-        return robot.chassis.width_m
-    return min(robot.chassis.width_m, robot.footprint.width_m - 2.0 * robot.safety_edge.travel_m)
+def core_size_m(robot: Robot, edge: SafetyEdge) -> tuple[float, float]:
+    """Length and width of the part of the chassis that is rigid from the first touch on."""
+    footprint, chassis = robot.footprint, robot.chassis
+    length_m = 2.0 * (min(footprint.front_m, -footprint.rear_m) - edge.travel_m)
+    return min(chassis.length_m, length_m), min(chassis.width_m, footprint.width_m - 2.0 * edge.travel_m)
 
 
 def soft(travel_m: float) -> dict[str, str]:

@@ -17,7 +17,7 @@ from xml.etree.ElementTree import Element, SubElement
 from robot_stack.contract.frames import MODULES
 from robot_stack.core.robot import Robot
 from sim.parameters import SimParams
-from sim.plant.edge_model import add_edge, core_length_m, core_width_m, plate_travel_m, soft
+from sim.plant.edge_model import add_edge, core_size_m, plate_travel_m, soft
 from sim.plant.inertia import chassis_inertial, steering_inertial, wheel_inertial
 from sim.plant.mjcf import (
     NO_BITS,
@@ -61,7 +61,8 @@ def add_robot(body: Element, robot: Robot, params: SimParams, friction: float, t
     bits = ROBOT_BITS if robot.safety_edge is None else NO_BITS
     add_geom(base, "chassis", "box", half, bits, ROBOT_GROUP, pos=vector(centre), rgba="0.93 0.93 0.95 1")
     if robot.safety_edge is not None:
-        core = (0.5 * core_length_m(robot), 0.5 * core_width_m(robot), half[2])
+        length_m, width_m = core_size_m(robot, robot.safety_edge)
+        core = (0.5 * length_m, 0.5 * width_m, half[2])
         add_geom(base, "chassis_core", "box", core, ROBOT_BITS, ROBOT_GROUP, pos=vector(centre), rgba="0 0 0 0")
         add_edge(base, robot, robot.safety_edge)
     _decoration(base, robot)

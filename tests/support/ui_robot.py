@@ -64,7 +64,7 @@ class StandInRobot:
         self.docking = DockingStatus(state="IDLE", position_error=math.nan, orientation_error=math.nan)
         self.display = EHMIStatus(linked=True, acknowledged_state=Display.NAVIGATING)
         self.x, self.y, self.yaw = 2.0, 1.0, 0.4
-        self.told: list[str] = []
+        self.commands: list[str] = []
         self.goals: list[PoseStamped] = []
         self.poses: list[Any] = []
         self.twists: list[TwistStamped] = []
@@ -183,7 +183,7 @@ class StandInRobot:
     # --- messages from the screen -------------------------------------------------------------------------------------
 
     def _on_stop(self, message: Any) -> None:
-        self.told.append(f"stop {message.data}")
+        self.commands.append(f"stop {message.data}")
         self._screen_pressed = message.data
         self.emergency |= message.data
         if message.data and self.ride.state == "RUNNING":
@@ -198,7 +198,7 @@ class StandInRobot:
         return response
 
     def _on_clear(self, request: Any, response: Any) -> Any:
-        self.told.append(f"clear {request.source}")
+        self.commands.append(f"clear {request.source}")
         response.success = self.stop_sources.get(request.source) not in (None, Presence.THERE)
         response.message = f"cleared: {request.source}" if response.success else "refused: release it there"
         if response.success:
@@ -206,7 +206,7 @@ class StandInRobot:
         return response
 
     def _on_command(self, message: UICommand) -> None:
-        self.told.append(f"{message.command_type} {message.mission_id}".strip())
+        self.commands.append(f"{message.command_type} {message.mission_id}".strip())
         after = {"START_MISSION": "RUNNING", "PAUSE": "PAUSED", "RESUME": "RUNNING", "ABORT": "ABORTED"}
         changes = {"state": after[message.command_type]} if message.command_type in after else {}
         if message.command_type == "START_MISSION":

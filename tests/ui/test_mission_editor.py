@@ -74,7 +74,7 @@ def test_a_mission_is_made_started_and_offered_to_riders(editor: Any, robot: Sta
     assert mission.waypoints[2].yaw == pytest.approx(1.5708, abs=0.05)  # dragged upwards
     assert mission.waypoints[3].action.dock_id == "chair_1"
     editor.click('[data-file="garden_tour"] [data-act="start"]')
-    wait_for(lambda: "START_MISSION garden_tour" in robot.told, f"the start, was told {robot.told}")
+    wait_for(lambda: "START_MISSION garden_tour" in robot.commands, f"the start, received {robot.commands}")
     robot.say_ride(state="COMPLETED")
     editor.click("#to-staff")
     editor.wait_for_selector('[data-mission="garden_tour"]')

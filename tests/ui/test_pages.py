@@ -19,14 +19,14 @@ from tests.support.waiting import wait_for
 from tests.ui.conftest import STAFF_PAGES, h2, set_silence_limit, unlock, until
 
 
-def told(robot: StandInRobot, what: str) -> None:
-    wait_for(lambda: what in robot.told, f"{what}, was told {robot.told}")
+def wait_command(robot: StandInRobot, what: str) -> None:
+    wait_for(lambda: what in robot.commands, f"{what}, received {robot.commands}")
 
 
 def test_a_ride_from_the_first_touch_to_the_end(page: Any, robot: StandInRobot) -> None:
     page.click('[data-mission="wheelchair_transport"]')
     page.click("#start")
-    told(robot, "START_MISSION wheelchair_transport")
+    wait_command(robot, "START_MISSION wheelchair_transport")
     page.wait_for_selector('[data-state="RUNNING"]')
     assert "north path" in page.inner_text("h2")
     assert "3 minutes" in page.inner_text(".figures")
@@ -34,14 +34,14 @@ def test_a_ride_from_the_first_touch_to_the_end(page: Any, robot: StandInRobot) 
     wait_for(lambda: "北の道" in h2(page), "the place's name in Japanese")
     page.click('.languages [lang="en"]')
     page.click("#pause")
-    told(robot, "PAUSE")
+    wait_command(robot, "PAUSE")
     page.wait_for_selector('[data-reason="PAUSED"]')  # reason of the stop
     page.click("#resume")
-    told(robot, "RESUME")
+    wait_command(robot, "RESUME")
     page.wait_for_selector("#pause")
     page.click("#abort")
     page.click(".sure .primary")  # declines and continues
-    assert "ABORT" not in robot.told
+    assert "ABORT" not in robot.commands
     robot.say_ride(state="COMPLETED", progress=1.0)
     page.wait_for_selector('[data-end="COMPLETED"]')
 
@@ -50,7 +50,7 @@ def test_ending_ride_requires_confirmation(page: Any, robot: StandInRobot) -> No
     robot.say_ride(state="RUNNING", mission_id="yard_tour", current_waypoint="gate")
     page.click("#abort")
     page.click("#abort-yes")
-    told(robot, "ABORT")
+    wait_command(robot, "ABORT")
     page.wait_for_selector('[data-end="ABORTED"]')
 
 
@@ -76,7 +76,7 @@ def test_languages_change_at_once_and_stay(page: Any, url: str, code: str, said:
 def test_the_stop_is_on_every_page_and_reset_takes_the_pin(page: Any, robot: StandInRobot) -> None:
     pressed_s = time.monotonic()
     page.click("#stop")
-    told(robot, "stop True")
+    wait_command(robot, "stop True")
     print(f"click to /emergency_stop, with playwright's own time: {1e3 * (time.monotonic() - pressed_s):.0f} ms")
     page.wait_for_selector('[data-page="emergency"]')
     unlock(page)
@@ -106,11 +106,11 @@ def test_only_stop_of_gone_or_unknown_source_can_be_cleared(page: Any, robot: St
     assert page.locator(".clear").count() == 2
     assert page.locator('[data-source="ui"] .clear').count() == 0
     page.click('[data-source="panel"] .clear')
-    told(robot, "clear panel")
+    wait_command(robot, "clear panel")
     page.wait_for_selector('[data-source="panel"]', state="detached")
     assert robot.emergency  # not a reset
     page.click('[data-source="unknown"] .clear')
-    told(robot, "clear unknown")
+    wait_command(robot, "clear unknown")
     page.wait_for_selector('[data-source="unknown"]', state="detached")
     assert page.locator(".clear").count() == 0
 
@@ -304,11 +304,11 @@ def test_a_page_that_lost_its_link_shows_it_and_keeps_only_the_stop(
     page.click("#stop")
     until(page, "document.querySelector('.lost').textContent.includes('stop will be sent')")
     screen.signal(signal.SIGCONT)
-    told(robot, "stop True")
+    wait_command(robot, "stop True")
     page.wait_for_selector(".lost", state="detached")
     page.wait_for_selector('[data-page="emergency"]')
     until(page, "!window.touchUi.link.stopWaits")
-    assert "PAUSE" not in robot.told
+    assert "PAUSE" not in robot.commands
 
 
 @pytest.mark.parametrize("file", ["pages/rider.js", "texts.json"])

@@ -75,7 +75,7 @@ def test_whole_self_test(page: Any, robot: StandInRobot) -> None:
     page.click("#test-confirm")
     page.wait_for_selector('#test-result[data-verdict="passed"]')
     assert "The self test passed." in page.inner_text("#test-result")
-    assert robot.told == ["stop True", "EMERGENCY_STOP", "stop False"]
+    assert robot.commands == ["stop True", "EMERGENCY_STOP", "stop False"]
     assert not robot.emergency
     page.click('[data-nav="map"]')
     page.wait_for_selector("#self-test-due", state="detached")
@@ -111,4 +111,4 @@ def test_self_test_that_fails_and_is_left(
     page.click('[data-nav="self_test"]')
     page.wait_for_selector('#test-result[data-verdict="aborted"][data-reason="LEFT"]')
     assert robot.emergency
-    assert "stop False" not in robot.told
+    assert "stop False" not in robot.commands

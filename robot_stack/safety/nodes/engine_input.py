@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robot_stack.middleware.node import StackNode
-from robot_stack.safety.button import Contact, read_contact
+from robot_stack.safety.button import read_contact
 from robot_stack.safety.inputs import DriveReading, drive_reading
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.view import EngineView
@@ -27,9 +27,7 @@ class EngineInput:
     def close(self) -> None:
         self._view.close()
 
-    def _read(self, status: StatusSnapshot, contact: Contact) -> DriveReading:
-        return drive_reading(status, contact, self._robot.latch, self._robot.safety_edge)
-
     def _on_status(self, status: StatusSnapshot | None) -> None:
-        contact = read_contact(status, self._robot.estop_input_byte, self._robot.estop_input_bit)
-        self.reading = None if status is None else self._read(status, contact)
+        robot = self._robot
+        contact = read_contact(status, robot.estop_input_byte, robot.estop_input_bit)
+        self.reading = None if status is None else drive_reading(status, contact, robot.latch, robot.safety_edge)

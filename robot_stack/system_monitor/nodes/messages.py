@@ -6,10 +6,11 @@ import math
 from collections.abc import Iterable
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Point, Pose, Quaternion
 
 from custom_msgs.msg import MissionStatus, RobotStatus
+from robot_stack.middleware.report import diagnostic_status
 from robot_stack.system_monitor.diagnostics_tree import Entry, Level
 from robot_stack.system_monitor.robot_status import Battery, Mission, Summary, current_mission
 
@@ -48,13 +49,7 @@ def fill(message: RobotStatus, summary: Summary, pose: Pose) -> None:
 
 
 def status(name: str, level: Level, message: str, values: Iterable[tuple[str, str]]) -> DiagnosticStatus:
-    return DiagnosticStatus(
-        name=name,
-        level=_LEVELS[level],
-        message=message,
-        hardware_id="robot_stack",
-        values=[KeyValue(key=key, value=value) for key, value in values],
-    )
+    return diagnostic_status(name, _LEVELS[level], message, values)
 
 
 def level_of(message: DiagnosticStatus) -> int:

@@ -7,10 +7,11 @@ from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticStatus
 
 from robot_stack.contract import services
 from robot_stack.middleware.node import StackNode
+from robot_stack.middleware.report import diagnostic_status
 from robot_stack.ui import protocol as p
 from robot_stack.ui.nodes.audit_file import AuditFile
 from robot_stack.ui.nodes.inputs import RobotInputs
@@ -130,13 +131,8 @@ class GuidedSelfTest:
             "last_reason": last.reason.value if last and last.reason else "",
             "stored": str(self._file.stored),
         }
-        return DiagnosticStatus(
-            name=f"{self._node.get_name()}: self test",
-            hardware_id="robot_stack",
-            level=DiagnosticStatus.WARN if warn else DiagnosticStatus.OK,
-            message=text,
-            values=[KeyValue(key=key, value=value) for key, value in values.items()],
-        )
+        level = DiagnosticStatus.WARN if warn else DiagnosticStatus.OK
+        return diagnostic_status(f"{self._node.get_name()}: self test", level, text, values.items())
 
     # --- the run -----------------------------------------------------------------------------------------------------
 

@@ -36,8 +36,8 @@ def rig_before_box(side: str, speed_mps: float) -> Rig:
 def drive_until_stopped(rig: Rig, side: str, speed_mps: float) -> tuple[float, float]:
     """Commands the speed again and again, as a client that ignores the stop. Largest force N and deformation m."""
     x, y = DIRECTIONS[side]
-    _, angles = wheels(Twist2(x * speed_mps, y * speed_mps, 0.0))
-    signs = np.sign(wheels(Twist2(x * speed_mps, y * speed_mps, 0.0))[0])
+    speeds, angles = wheels(Twist2(x * speed_mps, y * speed_mps, 0.0))
+    signs = np.sign(speeds)
     edge = rig.sim.world.edge
     assert edge is not None
     force_n = depth_m = reached_mps = 0.0
