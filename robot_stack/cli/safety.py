@@ -13,7 +13,6 @@ from typing import Annotated
 import typer
 
 from robot_stack.cli.errors import CommandError
-from robot_stack.contract import topics
 from robot_stack.contract.model import System
 from robot_stack.supervisor.control import NotRunning, ask
 
@@ -60,8 +59,8 @@ def reset(timeout_s: Timeout = 5.0, clear: Clear = None) -> None:
         _release_by_supervisor()
     else:
         answer = _reset_by_supervisor()
-    # A press of this tool outlives its process: a reset by this tool clears it.
-    if answer is None or (not answer[0] and topics.OPERATOR_TOOL in answer[1]):
+    # A press of this tool outlives its process. The reset of a new node clears it first.
+    if answer is None or not answer[0]:
         from robot_stack.cli.nodes.operator_commands import reset as ask_for_reset
 
         try:
@@ -70,8 +69,7 @@ def reset(timeout_s: Timeout = 5.0, clear: Clear = None) -> None:
             raise CommandError(str(error)) from None
     granted, reason = answer
     if not granted:
-        hint = _CLEAR_HINT if "(gone)" in reason or "pressed by unknown" in reason or ", unknown" in reason else ""
-        raise CommandError((reason if reason.startswith("refused") else f"refused: {reason}") + hint)
+        raise CommandError(reason + _CLEAR_HINT)
     print(reason or "released")
 
 
