@@ -68,15 +68,15 @@ def missing(all_loops: dict[str, Any]) -> list[str]:
 def main() -> int:
     """Compiles on all cores, reports the progress, and returns the exit code."""
     all_loops = loops()
-    told = len(all_loops) - len(missing(all_loops))
+    shown = len(all_loops) - len(missing(all_loops))
     # Forked: everything is imported already.
     with ProcessPoolExecutor(os.cpu_count(), multiprocessing.get_context("fork")) as pool:
         for done in as_completed([pool.submit(run, name) for name in warm_ups()]):
             package = done.result().rpartition(".")[0]
             count = len(all_loops) - len(missing(all_loops))
-            if count > told:
+            if count > shown:
                 print(f"    {count} of {len(all_loops)} loops: {package}", flush=True)
-            told = count
+            shown = count
     left = missing(all_loops)
     if left:
         print(f"compiled functions that no warm_up() reaches: {', '.join(left)}", file=sys.stderr)

@@ -52,7 +52,7 @@ _SILENCE_S = 5.0
 _REDRAW_EVERY_S = 0.2
 _PATIENCE_S = 60.0  # of the world's time without progress
 _SETTLE_S = 30.0
-_STOP_S = 2.0  # standing for so long is told as a stop
+_STOP_S = 2.0  # standing for this long counts as a stop
 _RECORDING_S = 15.0  # a ride without a recording is better than none
 _OVER = ENDED | {MissionState.IDLE}
 
@@ -263,10 +263,16 @@ def _plot(world: str, mission: Mission, folder: Path, ride: Ride, result: Result
     waypoints: list[tuple[str, Pose2]] = [(item.name, item.pose) for item in mission.waypoints]
     draw_map(folder / "map.png", load_world(world), ride, waypoints, result.stops)
     draw_course(folder / "course.png", ride)
-    told = {"mission": mission.id, "world": world, "seed": result.seed, "state": result.state, "reason": result.reason}
-    told |= {"figures": asdict(result.figures), "wheelchair": result.carried and asdict(result.carried)}
-    told |= {"stops": [asdict(stop) for stop in result.stops]}
-    (folder / "figures.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+    figures = {
+        "mission": mission.id,
+        "world": world,
+        "seed": result.seed,
+        "state": result.state,
+        "reason": result.reason,
+    }
+    figures |= {"figures": asdict(result.figures), "wheelchair": result.carried and asdict(result.carried)}
+    figures |= {"stops": [asdict(stop) for stop in result.stops]}
+    (folder / "figures.json").write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
 
 
 def result_line(arrived: bool, reason: str, found: Figures) -> str:

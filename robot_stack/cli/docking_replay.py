@@ -63,9 +63,9 @@ def collect(files: Sequence[Path], params: DockingParams) -> tuple[list[Trace], 
             progress.next(file)
     traces = collector.finish()
     if not traces:
-        heard = f"{collector.statuses} messages" if collector.statuses else "nothing"
+        found = f"{collector.statuses} messages" if collector.statuses else "nothing"
         cut = f"; {damages[0]}" if damages else ""
-        raise CommandError(f"there is no docking in the recording ({heard} on {topics.DOCKING_STATUS.name}){cut}")
+        raise CommandError(f"there is no docking in the recording ({found} on {topics.DOCKING_STATUS.name}){cut}")
     return traces, damages
 
 

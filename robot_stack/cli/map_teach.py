@@ -58,8 +58,8 @@ def teach_map(
     target = _recording_folder(name, recording, recorder)
     _make_room(target, recorder, own=recording is None)
     finish = _build_command(target, name, output, origin)
-    with _Ending() as ending, TaughtTopics() as heard:
-        _wait_for_inputs(heard, params.teach, ending)
+    with _Ending() as ending, TaughtTopics() as topics_in:
+        _wait_for_inputs(topics_in, params.teach, ending)
         writer = open_recording(target, list(ROWS), recorder)
         try:
             shown = picture or target / _PICTURE
@@ -68,7 +68,7 @@ def teach_map(
             print(f"recording: {target}")
             print(f"picture, redrawn every {params.teach.picture_s:g} s: {shown}")
             print(f"stand still for {params.teach.begin_s:g} s, then drive by hand; Ctrl-C ends the ride", flush=True)
-            with TaughtRide(heard, writer, params.sweeps, load_robot(), params.teach) as ride:
+            with TaughtRide(topics_in, writer, params.sweeps, load_robot(), params.teach) as ride:
                 _watch(ride, writer, growing, params, shown, ending, finish)
         finally:
             writer.close()
@@ -124,15 +124,15 @@ def _build_command(recording: Path, name: str, output: Path | None, origin: Orig
     return shlex.join(words)
 
 
-def _wait_for_inputs(heard: TaughtTopics, settings: Teach, ending: _Ending) -> None:
+def _wait_for_inputs(topics_in: TaughtTopics, settings: Teach, ending: _Ending) -> None:
     """Waits for points and odometry. Raises CommandError on timeout."""
     running = _stack_runs()
     missing = {topics.LIDAR_POINTS.name, topics.ODOM.name}
     begun_s = time.monotonic()
     while missing:
-        missing -= {taken.row.name for taken in heard.take()}
+        missing -= {taken.row.name for taken in topics_in.take()}
         waited_s = time.monotonic() - begun_s
-        if not running and waited_s > _DISCOVERY_S and not heard.published():
+        if not running and waited_s > _DISCOVERY_S and not topics_in.published():
             domain = os.environ.get("ROS_DOMAIN_ID", "0")
             raise CommandError(f"no stack is running in ROS domain {domain}: robot-stack up starts it")
         if missing and waited_s > settings.points_within_s:

@@ -38,14 +38,14 @@ class TaughtRide:
     """
 
     def __init__(
-        self, heard: TaughtTopics, writer: BackgroundWriter, sweeps: Sweeps, robot: Robot, settings: Teach
+        self, inputs: TaughtTopics, writer: BackgroundWriter, sweeps: Sweeps, robot: Robot, settings: Teach
     ) -> None:
-        self._heard, self._writer = heard, writer
+        self._inputs, self._writer = inputs, writer
         self._collector = Collector(sweeps, robot)
         self._world = WorldClock.find()
         self._waiting: deque[_Cloud] = deque()
         self._seen = 0
-        self._heard_s = dict.fromkeys((topics.IMU.name, topics.LIDAR_POINTS.name, topics.ODOM.name), -math.inf)
+        self._received_s = dict.fromkeys((topics.IMU.name, topics.LIDAR_POINTS.name, topics.ODOM.name), -math.inf)
         self.motion = Motion(settings)
         self.kept: SimpleQueue[tuple[Ride, int]] = SimpleQueue()
         self.problem: Exception | None = None
@@ -54,7 +54,7 @@ class TaughtRide:
 
     def __enter__(self) -> TaughtRide:
         begun_s = time.monotonic()
-        self._heard_s = dict.fromkeys(self._heard_s, begun_s)
+        self._received_s = dict.fromkeys(self._received_s, begun_s)
         self._thread.start()
         return self
 
@@ -72,9 +72,9 @@ class TaughtRide:
         return self._collector.kept
 
     def inputs(self, lost: int) -> Inputs:
-        now_s, at_s = time.monotonic(), self._heard_s
+        now_s, at_s = time.monotonic(), self._received_s
         return Inputs(
-            sweeps=self._collector.heard,
+            sweeps=self._collector.sweeps,
             without_odometry=self._collector.without_odometry,
             points_age_s=now_s - at_s[topics.LIDAR_POINTS.name],
             odometry_age_s=now_s - at_s[topics.ODOM.name],
@@ -91,8 +91,8 @@ class TaughtRide:
             self.problem = error
 
     def _take(self) -> None:
-        for taken in self._heard.take():
-            self._heard_s[taken.row.name] = time.monotonic()
+        for taken in self._inputs.take():
+            self._received_s[taken.row.name] = time.monotonic()
             try:
                 self._on_message(taken)
             except ValueError as error:

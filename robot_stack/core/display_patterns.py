@@ -67,8 +67,8 @@ class Pattern(Config):
         if self.base != "none" and self.motion != "travel":
             raise ValueError(f"{self.name}: only a travelling wave has a base")
         lit = self.motion != "dark"
-        told = self.pictogram != "none" and all((self.text.en, self.text.ja, self.text.zh))
-        if lit != (self.colour != "none") or ((lit or self.sound != "none") and not told):
+        described = self.pictogram != "none" and all((self.text.en, self.text.ja, self.text.zh))
+        if lit != (self.colour != "none") or ((lit or self.sound != "none") and not described):
             raise ValueError(f"{self.name}: a colour or a sound needs a pictogram and a text")
         if self.colour == "red" and self.frequency_hz > RED_LIMIT_HZ:
             raise ValueError(f"{self.name}: red must not flash faster than {RED_LIMIT_HZ:g} Hz")

@@ -23,7 +23,7 @@ from robot_stack.core.config import Config
 from robot_stack.core.geometry import Pose2
 
 MISSION_ID_PATTERN = r"^[a-z0-9][a-z0-9_]{0,63}$"
-# Waypoints are counted in a uint8 of /mission/status, the way home included.
+# Waypoints are counted in a uint8 of /mission/status, the way to home included.
 MAX_WAYPOINTS = 254
 
 # A site of 20 km across; a larger value is a typing error.

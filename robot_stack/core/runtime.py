@@ -56,7 +56,7 @@ def only_own(status: os.stat_result) -> bool:
 
 
 def _require_own(folder: Path) -> None:
-    """Rejects a folder of another user, which could hold a forged latch: anybody may create files in shared memory."""
+    """Rejects a folder of another user, which could hold a forged latch: any user may create files in shared memory."""
     status = folder.lstat()
     if not stat.S_ISDIR(status.st_mode) or not only_own(status):
         raise ConfigError(f"{folder} belongs to another user or may be written by others: remove it and start again")

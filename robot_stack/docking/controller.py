@@ -188,7 +188,7 @@ class DockingController:
         dt_s = min(dt_s, self._params.motion.longest_step_s) if dt_s > 0.0 else 0.0
         self._departure.elapse(situation.twist, dt_s)
         was_busy = self.busy
-        let_go = self._watch_latch(situation)
+        lost = self._watch_latch(situation)
         view = self._view(situation, dt_s)
         failure = self._guard.check(situation, self._state, dt_s) if self.busy else None
         if failure is not None:
@@ -201,7 +201,7 @@ class DockingController:
         else:
             step = self._phase.tick(view)
         output = self._act(step, view)
-        if not let_go:
+        if not lost:
             return output
         ended = self._result(DockCode.LATCH_FAILED, _LET_GO, view) if was_busy else None
         return replace(output, emergency=True, result=ended)
@@ -331,12 +331,12 @@ class DockingController:
     def _watch_latch(self, situation: Situation) -> bool:
         """True if the latch has released a wheelchair that it should hold: the robot must stop for good."""
         may_open = self.undocking or (isinstance(self._phase, Latching) and self._phase.opening)
-        let_go = self._keeper.update(situation.latch, may_open=may_open)
-        if let_go:
+        lost = self._keeper.update(situation.latch, may_open=may_open)
+        if lost:
             self._state, self._phase = DockingState.FAILED, _Idle(_LET_GO)
         elif self._keeper.holding and not self.busy and self._state is DockingState.IDLE:
             self._enter(Trigger.ATTACHED, Latched("docked"))
-        return let_go
+        return lost
 
     def _view(self, situation: Situation, dt_s: float) -> View:
         dock_pose = None if self._undocking else self.tracker.dock_pose_in_odom()

@@ -78,7 +78,7 @@ class LatchKeeper:
 
     def __init__(self) -> None:
         self.attached: bool | None = None
-        self.holding = False  # as the inputs said last
+        self.holding = False  # by the last inputs
 
     def recall(self, attached: bool) -> None:
         """Restores the state from before a restart. A chair no longer held by the latch was released meanwhile."""
@@ -97,10 +97,10 @@ class LatchKeeper:
         if not inputs.known:
             return False
         closed = inputs.confirmed
-        let_go = self.holding and not closed and not may_open
+        lost = self.holding and not closed and not may_open
         if closed and not may_open:
             self.attached = True
         elif self.attached is None:
             self.attached = False
         self.holding = closed
-        return let_go
+        return lost

@@ -17,7 +17,7 @@ from robot_stack.contract.states import DockingState, MissionState
 class Safety(Enum):
     """State of the safety monitor."""
 
-    UNKNOWN = "never heard"
+    UNKNOWN = "never received"
     FRESH = "fresh"
     SILENT = "silent"
 

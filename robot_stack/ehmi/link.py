@@ -77,7 +77,7 @@ class Link:
         self._params = params
         self._decoder = Decoder(checksum=params.checksum)
         self._wanted, self._wanted_s = wanted.commands(), math.nan
-        self._told: dict[Kind, Command] = {}
+        self._sent_commands: dict[Kind, Command] = {}
         self._refused_s: dict[Kind, float] = {}
         self._sent: _Sent | None = None
         self._state_sent_s = self._probed_s = self._open_due_s = -math.inf
@@ -153,7 +153,7 @@ class Link:
 
     def _forget(self) -> None:
         """The display has lost its settings, or may have."""
-        self._told.clear()
+        self._sent_commands.clear()
         self._refused_s.clear()
         self._sent = None
 
@@ -164,7 +164,7 @@ class Link:
             self._sent = None
         if command.kind is Kind.PING:
             return
-        self._told[command.kind] = command
+        self._sent_commands[command.kind] = command
         if command.kind is Kind.STATE:
             self._acknowledged = int(command.value)
             if command == self._wanted[Kind.STATE] and math.isnan(self._state_to_ack_s):
@@ -258,7 +258,7 @@ class Link:
         repeat_s = self._params.repeat_s
         if now_s < self._refused_s.get(kind, -math.inf) + repeat_s:
             return False
-        if self._told.get(kind) != self._wanted[kind]:
+        if self._sent_commands.get(kind) != self._wanted[kind]:
             return True
         return kind is Kind.STATE and now_s >= self._state_sent_s + repeat_s
 

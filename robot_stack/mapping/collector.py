@@ -36,7 +36,7 @@ class Collector:
         self._waiting: deque[tuple[float, Points]] = deque()
         self._sweeps: list[Sweep] = []
         self._last: Floats | None = None
-        self.heard = 0
+        self.sweeps = 0
         self.without_odometry = 0
         self.empty = 0
 
@@ -58,7 +58,7 @@ class Collector:
 
     def sweep(self, stamp_s: float, points: Points) -> None:
         """(n,) of layout SWEEP."""
-        self.heard += 1
+        self.sweeps += 1
         self._waiting.append((stamp_s, points))
         if len(self._waiting) > MOST_WAITING:
             self._waiting.popleft()
@@ -98,12 +98,12 @@ class Collector:
 
     def _check(self) -> None:
         s = self._settings
-        if not self.heard:
+        if not self.sweeps:
             raise RideError("the recording contains no LiDAR sweep")
         if not self._odometry:
             raise RideError("the recording contains no odometry")
         if len(self._sweeps) < s.fewest:
-            why = f"{self.heard} were recorded"
+            why = f"{self.sweeps} were recorded"
             if self.without_odometry:
                 why += f", {self.without_odometry} of them without odometry"
             if self.empty:

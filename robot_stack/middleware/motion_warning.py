@@ -23,21 +23,21 @@ class MotionWarnings:
 
     def __init__(self, node: StackNode, given: Callable[[], None]) -> None:
         self._node, self._given = node, given
-        self._heard_s = self._told_s = -math.inf
+        self._received_s = self._published_s = -math.inf
         self._publisher = node.advertise(topics.DEPARTURE_WARNING)
         node.subscribe(topics.DEPARTURE_WARNING, self._on_warning)
 
     @property
-    def heard(self) -> bool:
+    def active(self) -> bool:
         """True while another node is warning people."""
-        return self._node.steady_s() - self._heard_s < _STALE_S
+        return self._node.steady_s() - self._received_s < _STALE_S
 
     def publish(self, remaining_s: float | None) -> None:
         """remaining_s: until the robot starts, as ``Departure.remaining_s``."""
         now_s = self._node.steady_s()
-        if remaining_s is None or (remaining_s > 0.0 and now_s - self._told_s < _PERIOD_S):
+        if remaining_s is None or (remaining_s > 0.0 and now_s - self._published_s < _PERIOD_S):
             return
-        self._told_s = now_s
+        self._published_s = now_s
         at_ns = round((self._node.now_s() + remaining_s) * _SECOND_NS)
         stamp = Time(sec=at_ns // _SECOND_NS, nanosec=at_ns % _SECOND_NS)
         self._publisher.publish(Header(stamp=stamp, frame_id=self._node.get_name()))
@@ -47,6 +47,6 @@ class MotionWarnings:
             return
         # The sender's clock may be a little ahead of this node's.
         over = time_to_s(message.stamp) <= self._node.now_s() + 0.5 * _PERIOD_S
-        self._heard_s = -math.inf if over else self._node.steady_s()
+        self._received_s = -math.inf if over else self._node.steady_s()
         if over:
             self._given()

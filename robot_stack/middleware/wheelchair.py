@@ -25,8 +25,8 @@ class WheelchairInput:
 
     def _update(self, _: object) -> None:
         passenger, latch = self._passenger.latest, self._latch.latest
-        said = self._assumed if passenger is None else passenger.data
-        attached = bool(said or (latch is not None and latch.attached))
+        reported = self._assumed if passenger is None else passenger.data
+        attached = bool(reported or (latch is not None and latch.attached))
         if attached != self.attached:
             self.attached = attached
             if self._changed is not None:

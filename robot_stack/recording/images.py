@@ -34,7 +34,7 @@ class Thinning:
     rate_hz: float
     _due_s: dict[str, float] = field(default_factory=dict)
 
-    def wants(self, topic: str, now_s: float) -> bool:
+    def keeps(self, topic: str, now_s: float) -> bool:
         due_s = self._due_s.get(topic, -math.inf)
         period_s = 1.0 / self.rate_hz
         # If the clock was set back, the images must not pause for that time.

@@ -21,8 +21,8 @@ class SweepChoice:
         return self._mode != "never" or row not in _ROWS
 
     def thins(self, row: Topic) -> bool:
-        """True if ``wants`` selects this row's messages."""
+        """True if ``keeps`` selects this row's messages."""
         return self._mode == "thinned" and row in _ROWS
 
-    def wants(self, topic: str, now_s: float) -> bool:
-        return self._thinning.wants(topic, now_s)
+    def keeps(self, topic: str, now_s: float) -> bool:
+        return self._thinning.keeps(topic, now_s)

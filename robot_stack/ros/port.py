@@ -216,8 +216,8 @@ class RosPort(Node):
 
         on_message, as_bytes = self._deliveries.noted(row, take, wakes), raw or read is not None
         if row.bulk and not transport.carries_bulk():
-            guest = self._bulk_inputs.subscribe(message_class, name, on_message, profile, as_bytes, wakes=wakes)
-            end: Callable[[], Any] = partial(self._bulk_inputs.unsubscribe, guest)
+            subscription = self._bulk_inputs.subscribe(message_class, name, on_message, profile, as_bytes, wakes=wakes)
+            end: Callable[[], Any] = partial(self._bulk_inputs.unsubscribe, subscription)
         else:
             end = self._subscribe(message_class, name, on_message, profile, raw=as_bytes, wakes=wakes).end
 

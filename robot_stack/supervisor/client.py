@@ -146,8 +146,8 @@ def _wait_ready(
     end_s = time.monotonic() + deadline_s
     while time.monotonic() < end_s:
         if supervisor.poll() is not None:
-            said = supervisor.stderr.read().strip().removeprefix("error: ")
-            raise StartError(said or f"the supervisor ended: {_last_words(status)}")
+            message = supervisor.stderr.read().strip().removeprefix("error: ")
+            raise StartError(message or f"the supervisor ended: {_last_words(status)}")
         if interrupted.is_set():
             return None
         with contextlib.suppress(NotRunning, TimeoutError):

@@ -62,16 +62,16 @@ class Lifecycle:
         self._crashes: deque[float] = deque()
         self._tries = 0  # crashes since it last ran for stable_after_s
         self._started_s = 0.0
-        self._heard_s: float | None = None
+        self._heartbeat_s: float | None = None
         self._been_ready = False
         self._starved_s = 0.0
         self._due_s = 0.0  # time of the next start in BACKOFF, of SIGKILL in HUNG
 
     def heartbeat_age_s(self, now_s: float) -> float | None:
         """Seconds since the last heartbeat of the running process; None if there is none."""
-        if self.state not in RUNNING or self._heard_s is None:
+        if self.state not in RUNNING or self._heartbeat_s is None:
             return None
-        return now_s - self._heard_s
+        return now_s - self._heartbeat_s
 
     def wanted(self, now_s: float) -> None:
         """Requests a start now, with a clean record (first start, or an operator's restart)."""
@@ -84,7 +84,7 @@ class Lifecycle:
 
     def started(self, now_s: float) -> None:
         self.state, self.reason = State.STARTING, "construction"
-        self._started_s, self._heard_s, self._been_ready, self._starved_s = now_s, None, False, 0.0
+        self._started_s, self._heartbeat_s, self._been_ready, self._starved_s = now_s, None, False, 0.0
 
     def constructing(self, text: str) -> None:
         """The process reports the present step of its construction."""
@@ -94,7 +94,7 @@ class Lifecycle:
     def heartbeat(self, now_s: float, ready: bool, waiting_for: str) -> None:
         if self.state not in RUNNING:
             return
-        self._heard_s, self._starved_s = now_s, 0.0
+        self._heartbeat_s, self._starved_s = now_s, 0.0
         self._been_ready = self._been_ready or ready
         if self.state not in _ENDING:  # it has had its signal, there is no way back
             self.state = State.READY if ready else State.WAITING
@@ -135,8 +135,8 @@ class Lifecycle:
     def forgive(self, silence_s: float) -> None:
         """Excludes a time without any reception (this computer was suspended) from all timeouts."""
         self._started_s += silence_s
-        if self._heard_s is not None:
-            self._heard_s += silence_s
+        if self._heartbeat_s is not None:
+            self._heartbeat_s += silence_s
 
     def starved(self, starved_s: float) -> None:
         """Excludes time spent waiting for a processor from the silence: a starved process is not hung."""
@@ -150,7 +150,7 @@ class Lifecycle:
         """
         if self.state not in (State.STARTING, State.WAITING, State.READY):
             return False
-        since_s = self._started_s if self._heard_s is None else self._heard_s
+        since_s = self._started_s if self._heartbeat_s is None else self._heartbeat_s
         return now_s - since_s - self._starved_s > self._silence_limit_s()
 
     def _silence_limit_s(self) -> float:

@@ -17,7 +17,7 @@ from robot_stack.middleware.node import StackNode
 from robot_stack.ros.process import ros_process
 from robot_stack.supervisor.safety_view import Safety
 
-_LET_GO_RATE_HZ = 5.0
+_RELEASE_RATE_HZ = 5.0
 
 
 class ResetAnswer:
@@ -36,7 +36,7 @@ class SupervisorNode(StackNode):
         self._stop = self.emergency_stop_source()
         self._reset = self.client(services.SAFETY_RESET)
         self._holding = self._in_force = False
-        self.every(_LET_GO_RATE_HZ, self._let_go)
+        self.every(_RELEASE_RATE_HZ, self._release)
         self.set_health(True, "supervising")
 
     # --- called by the supervisor's other thread ---------------------------------------------------------------------
@@ -57,15 +57,15 @@ class SupervisorNode(StackNode):
 
     def safety(self) -> Safety | None:
         """The last state from the safety monitor; None before the first."""
-        heard = self.safety_status_input
-        if heard.latest is None:
+        status = self.safety_status_input
+        if status.latest is None:
             return None
         return Safety(
-            state=heard.latest.safety_state,
-            emergency=heard.latest.safety_state == SafetyState.EMERGENCY_STOP.name,
-            faults=tuple(heard.latest.active_faults),
-            age_s=heard.age_s(),
-            received=heard.received,
+            state=status.latest.safety_state,
+            emergency=status.latest.safety_state == SafetyState.EMERGENCY_STOP.name,
+            faults=tuple(status.latest.active_faults),
+            age_s=status.age_s(),
+            received=status.received,
         )
 
     # --- the latched value ------------------------------------------------------------------------------------------
@@ -73,7 +73,7 @@ class SupervisorNode(StackNode):
     def on_emergency_stop(self) -> None:
         self._in_force = True
 
-    def _let_go(self) -> None:
+    def _release(self) -> None:
         """Publishes false after another source's release: a node that starts later must not get our old ``true``."""
         if self._holding and self._in_force and not self.emergency_stop:
             self.publish_stop(False)

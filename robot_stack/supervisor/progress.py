@@ -11,7 +11,7 @@ from typing import Any
 from robot_stack.core.world_clock import slow_text
 
 # Period of new lines if the output is not a terminal.
-_TELL_EVERY_S = 5.0
+_SHOW_EVERY_S = 5.0
 
 
 def waiting_for(status: dict[str, Any]) -> str:
@@ -45,11 +45,11 @@ def shown() -> Iterator[Callable[[dict[str, Any]], None]]:
 
 class _Lines:
     def __init__(self) -> None:
-        self._told_s = time.monotonic()
+        self._shown_s = time.monotonic()
 
     def show(self, status: dict[str, Any]) -> None:
-        if time.monotonic() - self._told_s >= _TELL_EVERY_S:
-            self._told_s = time.monotonic()
+        if time.monotonic() - self._shown_s >= _SHOW_EVERY_S:
+            self._shown_s = time.monotonic()
             print(_text(status), file=sys.stderr, flush=True)
 
 

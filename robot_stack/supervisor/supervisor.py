@@ -49,7 +49,9 @@ class Supervisor:
         self._keys = Keys(self._node_thread)
         self._records = NodeRecords()
         self._starvation = Starvation()
-        self._heard: dict[str, tuple[int, int, str]] = {}  # by process: its id, heartbeats and text, as taken last
+        self._last_records: dict[
+            str, tuple[int, int, str]
+        ] = {}  # by process: its id, heartbeats and text, as taken last
         self._rows = {process.name: process for process in plan.processes}
         self._lives = {name: Lifecycle(limits_of(row, params)) for name, row in self._rows.items()}
         clock_sources = [p.name for p in plan.processes if set(p.nodes) & set(topics.CLOCK.publishers)]
@@ -58,7 +60,7 @@ class Supervisor:
         self._control = ControlServer(self._selector, self._on_request)
         self._begun_s = time.monotonic()
         self._ready_after_s: float | None = None
-        self._nodeless_told = False
+        self._nodeless_logged = False
         self._stopping = False
         self._farewells: list[Reply] = []
         self._install_signals()
@@ -78,7 +80,7 @@ class Supervisor:
                 for life in self._lives.values():
                     life.forgive(now_s - last_s)
             last_s = now_s
-            self._hear()
+            self._read_records()
             self._collect()
             self._judge(now_s)
             self._keys.tick(now_s)
@@ -99,26 +101,26 @@ class Supervisor:
             if key.data is not None:
                 key.data()
 
-    def _hear(self) -> None:
+    def _read_records(self) -> None:
         for name, pid in self._fleet.pids().items():
-            said = self._records.read(name)
+            record = self._records.read(name)
             # An ending process may still report after its successor has started.
-            if said is None or said.pid != pid or self._heard.get(name) == (pid, said.beats, said.text):
+            if record is None or record.pid != pid or self._last_records.get(name) == (pid, record.beats, record.text):
                 continue
-            self._heard[name] = pid, said.beats, said.text
+            self._last_records[name] = pid, record.beats, record.text
             life = self._lives[name]
-            if not said.beats:
-                life.constructing(said.text)
+            if not record.beats:
+                life.constructing(record.text)
                 continue
             before = life.state
-            life.heartbeat(said.beat_s, said.ready, said.text)
+            life.heartbeat(record.beat_s, record.ready, record.text)
             if life.state is State.READY and before in (State.STARTING, State.WAITING):
                 _log(f"{name}: ready")
         if self._ready_after_s is None and all(life.state is State.READY for life in self._lives.values()):
             self._ready_after_s = time.monotonic() - self._begun_s
             _log(f"all {len(self._lives)} processes are ready after {self._ready_after_s:.1f} s")
-        if self._node_thread.error and not self._nodeless_told:
-            self._nodeless_told = True
+        if self._node_thread.error and not self._nodeless_logged:
+            self._nodeless_logged = True
             _log(self._node_thread.error)
 
     def _collect(self) -> None:

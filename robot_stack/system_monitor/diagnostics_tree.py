@@ -32,7 +32,7 @@ _TEXT = {Level.OK: "OK", Level.WARN: "Warning", Level.ERROR: "Error", Level.STAL
 class Entry:
     """One entry of the tree.
 
-    children: name and message of each, of a group. payload: argument of ``heard``, of a leaf with an entry.
+    children: name and message of each, of a group. payload: argument of ``update``, of a leaf with an entry.
     missing: an expected node that has sent no entry.
     """
 
@@ -45,7 +45,7 @@ class Entry:
 
 
 @dataclass(frozen=True, slots=True)
-class _Heard:
+class _Received:
     at_s: float
     level: Level
     message: str
@@ -65,12 +65,12 @@ class DiagnosticsTree:
         self._groups = tuple(groups)
         self._group_of = {node: group for group, nodes in groups.items() for node in nodes}
         self._expected = tuple(expected)
-        self._heard: dict[str, _Heard] = {}
+        self._entries: dict[str, _Received] = {}
 
-    def heard(self, name: str, level: int, message: str, payload: Any, now_s: float) -> None:
+    def update(self, name: str, level: int, message: str, payload: Any, now_s: float) -> None:
         """Adds an entry of /diagnostics. ``name``: a node, or "node: item"."""
         known = Level(level) if level in tuple(Level) else Level.ERROR
-        self._heard[name] = _Heard(now_s, known, message, payload)
+        self._entries[name] = _Received(now_s, known, message, payload)
 
     def entries(self, now_s: float) -> list[Entry]:
         """The whole tree: the base first, each group before its children."""
@@ -86,15 +86,17 @@ class DiagnosticsTree:
         return [base, *(item for _, parent, members in groups for item in (parent, *(leaf for _, leaf in members)))]
 
     def _leaves(self, now_s: float) -> list[tuple[str, Entry]]:
-        found = {name: self._leaf(name, heard, now_s) for name, heard in self._heard.items()}
+        found = {name: self._leaf(name, received, now_s) for name, received in self._entries.items()}
         for node in self._expected:
             if node not in found:
                 found[node] = Entry(self._path(node), Level.STALE, MISSING, missing=True)
         return sorted(found.items())
 
-    def _leaf(self, name: str, heard: _Heard, now_s: float) -> Entry:
-        stale = not 0.0 <= now_s - heard.at_s <= self._stale_after_s
-        return Entry(self._path(name), Level.STALE if stale else heard.level, heard.message, payload=heard.payload)
+    def _leaf(self, name: str, received: _Received, now_s: float) -> Entry:
+        stale = not 0.0 <= now_s - received.at_s <= self._stale_after_s
+        return Entry(
+            self._path(name), Level.STALE if stale else received.level, received.message, payload=received.payload
+        )
 
     def _path(self, name: str) -> str:
         return f"{self._base_path}/{self._group(name)}/{name.replace('/', ' ')}"
@@ -108,8 +110,8 @@ def _parent(path: str, children: Sequence[tuple[str, Entry]]) -> Entry:
     worst = max(levels, default=Level.OK)
     if worst is Level.STALE and any(level is not Level.STALE for level in levels):
         worst = Level.ERROR
-    return Entry(path, worst, _TEXT[worst], tuple((name, _said(entry)) for name, entry in children))
+    return Entry(path, worst, _TEXT[worst], tuple((name, _text_of(entry)) for name, entry in children))
 
 
-def _said(entry: Entry) -> str:
+def _text_of(entry: Entry) -> str:
     return _TEXT[Level.STALE] if entry.level is Level.STALE and not entry.missing else entry.message

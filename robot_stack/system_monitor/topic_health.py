@@ -26,17 +26,17 @@ class TopicHealth:
 
     def __init__(self, stale_after_s: float) -> None:
         self._stale_after_s = stale_after_s
-        self._told: dict[str, dict[str, tuple[float, InputState]]] = {}
+        self._reports: dict[str, dict[str, tuple[float, InputState]]] = {}
 
-    def heard(self, node: str, values: Iterable[tuple[str, str]], now_s: float) -> None:
+    def update(self, node: str, values: Iterable[tuple[str, str]], now_s: float) -> None:
         """One node's entry of /diagnostics: keys and values."""
         for state in parse_inputs(values):
-            self._told.setdefault(state.name, {})[node] = now_s, state
+            self._reports.setdefault(state.name, {})[node] = now_s, state
 
     def figures(self, topic: str, now_s: float) -> TopicFigures | None:
         """None while no subscriber reports the topic."""
-        told = self._told.get(topic, {})
-        states = [state for at_s, state in told.values() if 0.0 <= now_s - at_s <= self._stale_after_s]
+        reports = self._reports.get(topic, {})
+        states = [state for at_s, state in reports.values() if 0.0 <= now_s - at_s <= self._stale_after_s]
         if not states:
             return None
         rates = [state.rate_hz for state in states if not math.isnan(state.rate_hz)]

@@ -22,15 +22,15 @@ class Diagnostics:
         self._nodes: dict[str, tuple[float, int, str, dict[str, InputState]]] = {}
         self._stop_sources: dict[str, Presence] = {}
 
-    def heard(self, node: str, level: int, text: str, values: Mapping[str, str], now_s: float) -> None:
+    def update(self, node: str, level: int, text: str, values: Mapping[str, str], now_s: float) -> None:
         if node == _MONITOR:
             self._stop_sources = parse_presence(values)
         self._nodes[node] = (now_s, level, text, {state.name: state for state in parse_inputs(values.items())})
 
     def stop_sources(self, now_s: float) -> dict[str, Any]:
         """The pressed emergency stop sources, from the safety monitor's entry while it is fresh."""
-        heard = self._nodes.get(_MONITOR)
-        known = heard is not None and 0.0 <= now_s - heard[0] <= NODE_SILENT_S
+        reports = self._nodes.get(_MONITOR)
+        known = reports is not None and 0.0 <= now_s - reports[0] <= NODE_SILENT_S
         sources = self._stop_sources if known else {}
         return {"list": [{"name": name, "presence": presence.value} for name, presence in sources.items()]}
 
@@ -51,11 +51,11 @@ _LEVELS = {0: "OK", 1: "WARN", 2: "ERROR", 3: "STALE"}
 
 
 def _row(topic: Topic, nodes: Mapping[str, tuple[float, int, str, dict[str, InputState]]]) -> dict[str, Any]:
-    heard = [(name, item[3][topic.name]) for name, item in nodes.items() if topic.name in item[3]]
-    received = [(name, state) for name, state in heard if math.isfinite(state.age_s)]
+    reports = [(name, item[3][topic.name]) for name, item in nodes.items() if topic.name in item[3]]
+    received = [(name, state) for name, state in reports if math.isfinite(state.age_s)]
     row = {"name": topic.name, "expected_hz": topic.rate_hz, "rate_hz": None, "age_s": None, "by": "", "state": "NONE"}
     if not received:
-        return row | {"state": "SILENT" if heard and topic.rate_hz and not topic.on_demand else "NONE"}
+        return row | {"state": "SILENT" if reports and topic.rate_hz and not topic.on_demand else "NONE"}
     name, newest = min(received, key=lambda item: item[1].age_s)
     stale = not newest.fresh and not topic.on_demand
     rate_hz = None if math.isnan(newest.rate_hz) else newest.rate_hz

@@ -25,7 +25,7 @@ class DeadManPad:
         self._params = params
         self._holder: int | None = None
         self._twist = STILL
-        self._heard_s = self._moves_from_s = -math.inf
+        self._received_s = self._moves_from_s = -math.inf
         self._still_first_s = 0.0
         self._fastest: dict[int, tuple[float, float]] = {}  # page: least offset of its clock [s], and when
         self._ends = False
@@ -43,7 +43,7 @@ class DeadManPad:
             return True  # neither a command nor a sign of life
         if self._holder != client:
             self._begin(client, now_s)
-        self._heard_s = now_s
+        self._received_s = now_s
         self._twist = self._scaled(x, y, turn)
         return True
 
@@ -71,7 +71,7 @@ class DeadManPad:
         return STILL if ends else None
 
     def _fresh(self, now_s: float) -> bool:
-        return 0.0 <= now_s - self._heard_s <= self._params.stale_s
+        return 0.0 <= now_s - self._received_s <= self._params.stale_s
 
     def _late_s(self, client: int, at_s: float, now_s: float) -> float:
         offset_s = now_s - at_s

@@ -28,7 +28,7 @@ class Screen:
         self._address, self._period_s = address, period_s
         self._ended = threading.Event()
         self._thread: threading.Thread | None = None
-        self._heard, self._lost = 0, False
+        self._heartbeats, self._lost = 0, False
 
     @property
     def shown(self) -> bool:
@@ -38,7 +38,7 @@ class Screen:
         """Opens a page, which reconnects after a loss of the server."""
         self._lost = False
         if self._thread is None:
-            self._ended, self._heard = threading.Event(), 0
+            self._ended, self._heartbeats = threading.Event(), 0
             self._thread = threading.Thread(target=self._run, args=(self._ended,), name="screen", daemon=True)
             self._thread.start()
 
@@ -48,9 +48,9 @@ class Screen:
         self._lost = True
         self._look()
 
-    def heard(self) -> None:
+    def on_heartbeat(self) -> None:
         """A heartbeat of touch_ui."""
-        self._heard += 1
+        self._heartbeats += 1
         self._look()
 
     def close(self) -> None:
@@ -59,7 +59,7 @@ class Screen:
             thread.join(_JOIN_S)
 
     def _look(self) -> None:
-        if self._lost and self._heard >= _SEEN:
+        if self._lost and self._heartbeats >= _SEEN:
             self._leave()
 
     def _leave(self) -> threading.Thread | None:

@@ -54,7 +54,7 @@ class Firmware:
         self._params = params
         self._random = np.random.default_rng(params.seed)
         self.troubles = Troubles(noise=params.noise)
-        self._fault_told = _Timer()
+        self._fault_report = _Timer()
         self.boots = self.commands = 0
         self.power_on(-math.inf)
         self._ready_s = math.inf
@@ -63,36 +63,36 @@ class Firmware:
         """Restarts with cleared state."""
         self._decoder = Decoder()
         self._outbox: deque[tuple[float, bytes]] = deque()
-        self._ready_s, self._ready_told = now_s + self._params.boot_s, False
-        self._heard_s = self._garbage_s = -math.inf
+        self._ready_s, self._ready_sent = now_s + self._params.boot_s, False
+        self._received_s = self._garbage_s = -math.inf
         self._display = Display(State.OFF, "en", 0, now_s)
         self.boots += 1
 
-    # --- what it is told ---------------------------------------------------------------------------------------------
+    # --- received commands --------------------------------------------------------------------------------------------
 
     def set_fault(self, code: str, now_s: float) -> None:
         """An empty code ends the fault."""
         self.troubles.fault = code
-        self._fault_told = _Timer(now_s, 0 if code else _GOODBYES)
+        self._fault_report = _Timer(now_s, 0 if code else _GOODBYES)
 
     def receive(self, data: bytes, now_s: float) -> None:
         if now_s < self._ready_s:
             return
         refused = self._decoder.rejected.total()
         for line in self._decoder.feed(self._noisy(data)):
-            self._obey(line, now_s)
+            self._on_line(line, now_s)
         if self._decoder.rejected.total() > refused:
             self._answer("ERROR not a line", now_s)
 
-    def _obey(self, line: str, now_s: float) -> None:
+    def _on_line(self, line: str, now_s: float) -> None:
         command = codec.parse_command(line)
         if command is None:
             self._answer("ERROR unknown command", now_s)
             return
         self.commands += 1
-        if command.kind is Kind.STATE:  # nothing else says that the old state is still true
-            self._heard_s = now_s
-        state, language, volume, since_s = self._told()
+        if command.kind is Kind.STATE:  # only a STATE command confirms the state
+            self._received_s = now_s
+        state, language, volume, since_s = self._commanded()
         match command.kind:
             case Kind.STATE if int(command.value) != state:
                 state, since_s = int(command.value), now_s
@@ -105,26 +105,26 @@ class Firmware:
         self._display = Display(state, language, volume, since_s)
         self._answer(f"OK {command.text}", now_s)
 
-    def _told(self) -> tuple[int, str, int, float]:
-        told = self._display
-        return told.state, told.language, told.volume, told.since_s
+    def _commanded(self) -> tuple[int, str, int, float]:
+        display = self._display
+        return display.state, display.language, display.volume, display.since_s
 
-    # --- what it does ------------------------------------------------------------------------------------------------
+    # --- outputs ------------------------------------------------------------------------------------------------------
 
     def display(self, now_s: float) -> Display:
         """The present display; if the host is silent, an outdated intention must not remain on it."""
-        told = self._display
-        silent_s = self._heard_s + self._params.host_timeout_s
-        if told.state == State.OFF or now_s < silent_s:
-            return told
-        return Display(State.ERROR, told.language, told.volume, silent_s)
+        display = self._display
+        silent_s = self._received_s + self._params.host_timeout_s
+        if display.state == State.OFF or now_s < silent_s:
+            return display
+        return Display(State.ERROR, display.language, display.volume, silent_s)
 
     def transmit(self, now_s: float) -> bytes:
         """The bytes that are sent by now."""
         if now_s < self._ready_s:
             return b""
-        if not self._ready_told:
-            self._ready_told = True
+        if not self._ready_sent:
+            self._ready_sent = True
             self._answer("READY", now_s)
         self._tell_fault(now_s)
         data = b""
@@ -139,13 +139,13 @@ class Firmware:
 
     def next_due_s(self) -> float:
         """Time at which ``transmit`` is due next."""
-        if not self._ready_told:
+        if not self._ready_sent:
             return self._ready_s
-        due_s = min(self._fault_told.due_s, self._outbox[0][0] if self._outbox else math.inf)
+        due_s = min(self._fault_report.due_s, self._outbox[0][0] if self._outbox else math.inf)
         return min(due_s, self._garbage_s + _GARBAGE_S) if self.troubles.garbage else due_s
 
     def _tell_fault(self, now_s: float) -> None:
-        timer, code = self._fault_told, self.troubles.fault
+        timer, code = self._fault_report, self.troubles.fault
         if now_s < timer.due_s:
             return
         timer.due_s = now_s + self._params.fault_repeat_s

@@ -84,9 +84,9 @@ class BoardRide(RecordedDrive):
     def camera_by_lidar(self) -> NDArray[np.float64]:
         """(4, 4) the true camera in base_link by the LiDAR, whose own mount is slightly off, too."""
         sensor = self.robot.range_sensors["lidar"]
-        believed = np.eye(4)
-        believed[:3, :3], believed[:3, 3] = sensor.rotation(), sensor.xyz_m
-        return believed @ np.linalg.inv(self.lidar.mounting) @ self.camera.mounting
+        estimated = np.eye(4)
+        estimated[:3, :3], estimated[:3, 3] = sensor.rotation(), sensor.xyz_m
+        return estimated @ np.linalg.inv(self.lidar.mounting) @ self.camera.mounting
 
 
 def _place(number: int) -> Pose2:

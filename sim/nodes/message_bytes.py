@@ -21,7 +21,7 @@ from robot_stack.core.point_cloud import Points
 from robot_stack.ros.serialization import serialize_message
 from tf2_msgs.msg import TFMessage
 
-_STAMP_AT = 4  # of a message that begins with a header, behind the four bytes that tell the encoding
+_STAMP_AT = 4  # of a message that begins with a header, behind the four bytes of the encoding
 _STAMP = struct.Struct("<iI")
 _LENGTH = struct.Struct("<I")
 _DOUBLE = 8

@@ -99,11 +99,11 @@ class MissionObserver:
 
     def board(self) -> None:
         """Waits until all topics have been received. Raises TimeoutError."""
-        heard = self.wait(
+        received = self.wait(
             lambda: self.mission and self.safety and self.ride.samples and self._commands.get_subscription_count(),
             _ANSWER_S,
         )
-        if not heard:
+        if not received:
             raise TimeoutError("the stack is silent: no message of mission, safety or world")
 
     def start(self, mission_id: str) -> None:

@@ -21,7 +21,7 @@ class SimComputerNode(StackNode):
         folder = runtime_dir() / self.params.folder
         self._computer = self.device(SimComputer, self.params, folder, _existing(recordings_dir()))
         self._faults = ComputerFaults(self._computer)
-        self.subscribe(topics.UI_HEARTBEAT, lambda _: self._computer.screen.heard())
+        self.subscribe(topics.UI_HEARTBEAT, lambda _: self._computer.screen.on_heartbeat())
         serve_faults(self, services.INJECT_COMPUTER_FAULT, self.inject_fault)
         self.every_real(self.params.tick_rate_hz, self._tick)
 

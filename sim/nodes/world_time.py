@@ -1,5 +1,4 @@
-"""The simulated time of a world: told in shared memory to the stack, as ``/clock`` to others, and held back for who is
-late."""
+"""The simulated time of a world: in shared memory for the stack, as ``/clock`` for others. It waits for late nodes."""
 
 from __future__ import annotations
 
@@ -36,7 +35,7 @@ class WorldTime:
         self._clock = WorldClock.make()
         self._start_s = node.params.clock_start_s
         self._stack = _Stack(processes, node.params.wait_tolerance_s)
-        self._told = False
+        self._published = False
         self.waited_s = 0.0
 
     def stamp(self, time_s: float) -> Time:
@@ -47,7 +46,7 @@ class WorldTime:
     def write(self, time_s: float, step_s: float) -> None:
         """Publishes the computed time and the step in shared memory."""
         self._clock.write(self._start_s + time_s, step_s, self._node.params.speed)
-        self._told = True
+        self._published = True
 
     def write_pace(self, pace: float) -> None:
         self._clock.write_pace(pace)
@@ -59,7 +58,7 @@ class WorldTime:
 
     def follow(self, time_s: float, should_stop: Callable[[], bool]) -> None:
         """Waits without a timeout until every node has reached the published time."""
-        if not self._told:
+        if not self._published:
             return
         now_s = self._start_s + time_s
         waiting = self._stack.waiting(now_s)

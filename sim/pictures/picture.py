@@ -1,7 +1,7 @@
 """Pictures of the robot in its world: ``python -m sim.pictures.picture --output ride.png``.
 
 Renders off screen. Without a display MuJoCo needs EGL (Debian: libegl1, libgl1-mesa-dri), which is asked for by
-``MUJOCO_GL=egl`` unless the environment says otherwise.
+``MUJOCO_GL=egl`` unless the environment sets it.
 """
 
 from __future__ import annotations

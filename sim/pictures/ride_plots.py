@@ -60,8 +60,8 @@ def draw_course(path: Path, ride: Ride) -> None:
     errors = tracking_errors_m(ride)
     middle.plot(errors[:, 0], 1e3 * errors[:, 1], ".", markersize=2.0, color=_PLANNED)
     middle.set(ylabel="distance from the plan / mm")
-    believed = estimate_errors(ride)
-    lower.plot(believed[:, 0], 1e3 * believed[:, 1], ".", markersize=2.0, color=_DRIVEN)
+    errors = estimate_errors(ride)
+    lower.plot(errors[:, 0], 1e3 * errors[:, 1], ".", markersize=2.0, color=_DRIVEN)
     lower.set(xlabel="time / s", ylabel="error of the estimated pose / mm")
     for axes in (upper, middle, lower):
         axes.grid(alpha=0.3)

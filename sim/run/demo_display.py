@@ -14,7 +14,7 @@ from robot_stack.core.world_clock import slow_text
 
 MOVING_MPS = 0.05
 # Without a terminal: a line for each change, and one at intervals without changes.
-_TELL_EVERY_S = 30.0
+_SHOW_EVERY_S = 30.0
 
 
 class Display:
@@ -54,16 +54,16 @@ class _Bar:
 class _Lines:
     def __init__(self, out: TextIO) -> None:
         self._out = out
-        self._told_s = -_TELL_EVERY_S
-        self._told: Any = None
+        self._shown_s = -_SHOW_EVERY_S
+        self._shown: Any = None
 
     def show(self, observer: Any) -> None:
         mission, safety = observer.mission, observer.safety
         stopped, waiting = safety.safety_state == SafetyState.EMERGENCY_STOP.name, bool(observer.waiting_for)
         now = (mission.state, mission.current_waypoint, doing(observer), stopped, waiting)
-        if now == self._told and time.monotonic() - self._told_s < _TELL_EVERY_S:
+        if now == self._shown and time.monotonic() - self._shown_s < _SHOW_EVERY_S:
             return
-        self._told, self._told_s = now, time.monotonic()
+        self._shown, self._shown_s = now, time.monotonic()
         self._out.write(describe(observer) + "\n")
         self._out.flush()
 

@@ -32,7 +32,7 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """What the mission manager said from then on: s, its state, the waypoint it goes to, and why, if it said."""
+    """A change of the mission: time in s, state, current waypoint, reason (may be empty)."""
 
     time_s: float
     state: str
@@ -44,7 +44,7 @@ class Step:
 class Ride:
     """Everything noted of a ride. ``plans``: time of each plan in s and its points; empty plans cancel.
 
-    estimates: the time a pose is of, s, and what the stack believed, in map. touched: what robot or wheelchair touched.
+    estimates: the time a pose is of, s, and the estimate in map. touched: what robot or wheelchair touched.
     wheelchair: time in s and true pose in map of its dock frame. docking: time in s and state, where it changed.
     steps: of the mission. limits: time in s, the speed allowed by the safety monitor in m/s, and its reason.
     """
@@ -91,8 +91,8 @@ def figures(ride: Ride, goal: Pose2) -> Figures:
         raise ValueError("this ride recorded no data")
     last = ride.samples[-1]
     errors_m = tracking_errors_m(ride)[:, 1]
-    believed = estimate_errors(ride)
-    known = len(believed) > 0
+    errors = estimate_errors(ride)
+    known = len(errors) > 0
     return Figures(
         distance_m=distance_m(ride.samples),
         time_s=last.time_s - ride.samples[0].time_s,
@@ -101,9 +101,9 @@ def figures(ride: Ride, goal: Pose2) -> Figures:
         final_error_deg=math.degrees(abs(wrap_angle(last.pose.yaw - goal.yaw))),
         tracking_rms_m=float(np.sqrt(np.mean(errors_m**2))) if errors_m.size else math.nan,
         tracking_max_m=float(errors_m.max()) if errors_m.size else math.nan,
-        estimate_rms_m=float(np.sqrt(np.mean(believed[:, 1] ** 2))) if known else math.nan,
-        estimate_p95_m=float(np.percentile(believed[:, 1], 95.0)) if known else math.nan,
-        estimate_p95_deg=float(np.degrees(np.percentile(believed[:, 2], 95.0))) if known else math.nan,
+        estimate_rms_m=float(np.sqrt(np.mean(errors[:, 1] ** 2))) if known else math.nan,
+        estimate_p95_m=float(np.percentile(errors[:, 1], 95.0)) if known else math.nan,
+        estimate_p95_deg=float(np.degrees(np.percentile(errors[:, 2], 95.0))) if known else math.nan,
     )
 
 
@@ -111,7 +111,7 @@ def figures(ride: Ride, goal: Pose2) -> Figures:
 class Carriage:
     """Evaluation of the wheelchair. Errors by ground truth; NaN without a docking.
 
-    docked_mm, docked_deg: base_link beside the dock pose when the controller said DOCKED, before the latch drew it in.
+    docked_mm, docked_deg: base_link beside the dock pose at the state DOCKED, before the latch drew it in.
     carried_m: way of the wheelchair. beside_m, beside_deg: where it stands at the end, from where it should.
     """
 
@@ -173,15 +173,15 @@ def arrivals(steps: Sequence[Step]) -> list[tuple[str, float]]:
 
 
 def _why(ride: Ride, begin_s: float, end_s: float) -> str:
-    """The gravest that was said while it stood: a stop of the safety monitor, docking, the mission's own words."""
+    """The most severe cause while it stood: a stop of the safety monitor, docking, or the mission's reason."""
     held = [reason for time_s, speed_mps, reason in _during(ride.limits, begin_s, end_s) if speed_mps <= 0.0]
     docking = [state for _, state in _during(ride.docking, begin_s, end_s) if state in DOCKING]
     steps = [step for _, step in _during([(step.time_s, step) for step in ride.steps], begin_s, end_s)]
-    telling = [step for step in steps if step.state != MissionState.RUNNING] or steps[:1]
-    said = [step.reason for step in steps if step.reason] or [f"{s.state.lower()} at {s.waypoint}" for s in telling]
+    changes = [step for step in steps if step.state != MissionState.RUNNING] or steps[:1]
+    reasons = [step.reason for step in steps if step.reason] or [f"{s.state.lower()} at {s.waypoint}" for s in changes]
     if held:
         return f"stopped: {', '.join(dict.fromkeys(filter(None, held))) or 'no reason given'}"
-    return f"docking: {' -> '.join(dict.fromkeys(docking))}" if docking else "; ".join(dict.fromkeys(said))
+    return f"docking: {' -> '.join(dict.fromkeys(docking))}" if docking else "; ".join(dict.fromkeys(reasons))
 
 
 def _during(items: Sequence[Any], begin_s: float, end_s: float) -> list[Any]:
@@ -191,7 +191,7 @@ def _during(items: Sequence[Any], begin_s: float, end_s: float) -> list[Any]:
 
 
 def estimate_errors(ride: Ride) -> NDArray[np.float64]:
-    """(n, 3): time in s, and how far what was believed is from the truth of that time, m and rad."""
+    """(n, 3): time in s, and error of the estimate at that time, m and rad."""
     times = np.array([sample.time_s for sample in ride.samples])
     errors = []
     for time_s, pose in ride.estimates:

@@ -100,7 +100,7 @@ class Expectation(Config):
 class Scenario(Config):
     """One file.
 
-    limit_s: ends a run that does not end by itself, with its mission or at its last goal. believed_start: the pose that
+    limit_s: ends a run that does not end with its mission or at its last goal. estimated_start: the pose that
     localization starts with, None for the true one. only: processes of the profile to start, all if empty.
     """
 
@@ -109,7 +109,7 @@ class Scenario(Config):
     seed: Annotated[int, Field(ge=0)]
     limit_s: Annotated[float, Field(gt=0.0, le=3600.0)]
     start: Place | None = None
-    believed_start: Place | None = None
+    estimated_start: Place | None = None
     passenger_mass_kg: Annotated[float, Field(ge=0.0)] | None = None
     twists: list[TwistAt] = []
     goals: list[Place] = []

@@ -76,8 +76,8 @@ class Digest(Observer):
 class Recording(Observer):
     """Writes the messages of some rows in the recorder's format.
 
-    clock_start_ns: the ROS clock at virtual time 0. wants: takes topic and ROS time in s; False leaves a message out,
-    e.g. ``robot_stack.recording.sweeps.SweepChoice.wants``. Raises OSError, DefinitionMissing.
+    clock_start_ns: the ROS clock at virtual time 0. keeps: takes topic and ROS time in s; False leaves a message out,
+    e.g. ``robot_stack.recording.sweeps.SweepChoice.keeps``. Raises OSError, DefinitionMissing.
     """
 
     FORMAT = Format(split_bytes=2_000_000_000, chunk_bytes=1_000_000, compress=True)
@@ -87,19 +87,19 @@ class Recording(Observer):
         folder: Path,
         rows: Sequence[Topic],
         clock_start_ns: int,
-        wants: Callable[[str, float], bool] | None = None,
+        keeps: Callable[[str, float], bool] | None = None,
         form: Format = FORMAT,
     ) -> None:
         self._bag = BagWriter(folder, [topic_info(row) for row in rows], form)
         self._topics = {row.name for row in rows}
         self._clock_start_ns = clock_start_ns
-        self._wants = wants
+        self._keeps = keeps
 
     def on_publish(self, time_ns: int, node: str, topic: str, data: bytes) -> None:
         if topic not in self._topics:
             return
         ros_ns = self._clock_start_ns + time_ns
-        if self._wants is None or self._wants(topic, 1e-9 * ros_ns):
+        if self._keeps is None or self._keeps(topic, 1e-9 * ros_ns):
             self._bag.write(topic, ros_ns, ros_ns, data)
 
     def close(self) -> None:

@@ -31,7 +31,7 @@ def choose_scenario(name: str, seed: int | None = None, world: str | None = None
     """
     if name == "demo":
         start = load_world(_WORLD).start.pose()
-        found = _mission(DEMO_MISSION, believed_start=place(wrong_start(start, START_ERROR_M, START_ERROR_DEG)))
+        found = _mission(DEMO_MISSION, estimated_start=place(wrong_start(start, START_ERROR_M, START_ERROR_DEG)))
     elif name == "demo:short":
         found = _mission(SHORT_MISSION, start=place(SHORT_START))
     elif name == RANDOM:

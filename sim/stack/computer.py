@@ -63,7 +63,7 @@ class ScreenSwitch:
         self._lost = True
         self._close_if_seen()
 
-    def heard(self) -> None:
+    def on_heartbeat(self) -> None:
         """A heartbeat of touch_ui."""
         self._heartbeats += 1
         self._close_if_seen()

@@ -28,12 +28,12 @@ class MessageChoice:
     def on_docking(self, state: str, now_s: float) -> None:
         self._docking.on_status(state, now_s)
 
-    def wants(self, topic: str, now_s: float) -> bool:
+    def keeps(self, topic: str, now_s: float) -> bool:
         if topic in self._thinned:
-            return self._sweeps.wants(topic, now_s)
+            return self._sweeps.keeps(topic, now_s)
         if topic not in self._images:
             return True
-        return (self._mode == "always" or self._docking.active(now_s)) and self._image_rate.wants(topic, now_s)
+        return (self._mode == "always" or self._docking.active(now_s)) and self._image_rate.keeps(topic, now_s)
 
     def _without(self, type_name: str) -> bool:
         return type_name == IMAGE_TYPE and self._mode == "never"
@@ -43,8 +43,8 @@ def record_run(folder: Path, clock_start_ns: int, docking_state: Callable[[], st
     """An observer for the scheduler. docking_state: of /docking/status. Raises ConfigError, OSError."""
     choice = MessageChoice(load(RecorderParams, "recorder"))
 
-    def wants(topic: str, ros_s: float) -> bool:
+    def keeps(topic: str, ros_s: float) -> bool:
         choice.on_docking(docking_state(), ros_s)
-        return choice.wants(topic, ros_s)
+        return choice.keeps(topic, ros_s)
 
-    return Recording(folder, choice.rows, clock_start_ns, wants)
+    return Recording(folder, choice.rows, clock_start_ns, keeps)

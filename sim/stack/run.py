@@ -417,13 +417,13 @@ class _PicturesWhileDocking(Observer):
 
 def _settings(scenario: Scenario, *, light: bool) -> tuple[str, ...]:
     start, passenger = scenario.start_pose(), scenario.passenger_mass_kg
-    believed = start if scenario.believed_start is None else scenario.believed_start.pose()
+    estimated = start if scenario.estimated_start is None else scenario.estimated_start.pose()
     return (
         *world_settings(scenario.world),
         *pose_settings("sim_world.start", start),
         f"sim_world.attached_at_start={'false' if passenger is None else 'true'}",
         *([] if passenger is None else [f"sim_world.passenger_mass_kg={passenger}"]),
-        *pose_settings("ndt_localization.start", believed),
+        *pose_settings("ndt_localization.start", estimated),
         *(FEW_BEAMS if light else ()),
         *scenario.settings,
     )

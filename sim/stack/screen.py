@@ -85,7 +85,7 @@ class OpenPage:
         self._state: dict[str, Any] = {}
         self._address = address
         port.call_soon(self._join)
-        self._timer = port.add_real_timer(_ALIVE_S, lambda: self._hear({"t": "alive"}))
+        self._timer = port.add_real_timer(_ALIVE_S, lambda: self._send({"t": "alive"}))
 
     @property
     def answers(self) -> list[str]:
@@ -103,7 +103,7 @@ class OpenPage:
         """Sends a protocol message, e.g. ``say(t="start", mission="short_hop")``. Returns the id of its answer."""
         self._ids += 1
         numbered = {**message, "id": self._ids}
-        self._port.call_soon(lambda: self._hear(numbered))
+        self._port.call_soon(lambda: self._send(numbered))
         return self._ids
 
     def silence(self) -> None:
@@ -118,8 +118,8 @@ class OpenPage:
 
     def _join(self) -> None:
         self._page = self._hub.join(self._address)
-        self._hear({"t": "alive"})
+        self._send({"t": "alive"})
 
-    def _hear(self, message: dict[str, Any]) -> None:
+    def _send(self, message: dict[str, Any]) -> None:
         if self._page is not None:
-            self._hub.hear(self._page, json.dumps(message))
+            self._hub.on_message(self._page, json.dumps(message))

@@ -77,9 +77,9 @@ class Supervision(Observer):
         now_s = self._scheduler.now_s
         for name, life in self._lives.items():
             self._read(name, life, now_s)
-        heard = judged({name: life.silent(now_s) for name, life in self._lives.items()})
+        alive = judged({name: life.silent(now_s) for name, life in self._lives.items()})
         for name, life in self._lives.items():
-            match life.order(now_s, judge=name in heard):
+            match life.order(now_s, judge=name in alive):
                 case Order.START if self._process(name).lives:
                     life.started(now_s)
                     self._process(name).start()

@@ -15,16 +15,16 @@ _SILENT = "SILENT"
 
 def watch_docking(show: Callable[[str, str], None], timeout_s: float, follow: bool) -> None:
     """Calls ``show(state, line)`` with each status until interrupted, or once. Raises TimeoutError without a status."""
-    heard: list[DockingStatus] = []
+    received: list[DockingStatus] = []
     with Operator() as operator:
-        operator.subscribe(topics.DOCKING_STATUS, heard.append)
-        if not operator.wait(lambda: heard, timeout_s):
+        operator.subscribe(topics.DOCKING_STATUS, received.append)
+        if not operator.wait(lambda: received, timeout_s):
             raise TimeoutError("no /docking/status: is the stack running?")
         heard_s = time.monotonic()
         while True:
-            if heard:
-                message = heard[-1]
-                heard.clear()
+            if received:
+                message = received[-1]
+                received.clear()
                 heard_s = time.monotonic()
                 show(
                     message.state,
@@ -40,4 +40,4 @@ def watch_docking(show: Callable[[str, str], None], timeout_s: float, follow: bo
                 show(_SILENT, silent(time.monotonic() - heard_s))
             if not follow:
                 return
-            operator.wait(lambda: heard, topics.DOCKING_STATUS.stale_s)
+            operator.wait(lambda: received, topics.DOCKING_STATUS.stale_s)

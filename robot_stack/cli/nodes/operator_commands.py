@@ -103,34 +103,34 @@ def _mission(message: MissionStatus) -> Mission:
 
 def command_mission(command: str, mission_id: str, timeout_s: float) -> Mission:
     """Sends a UI command and returns the status with its answer. Raises TimeoutError without an answer."""
-    heard: list[Mission] = []
+    received: list[Mission] = []
     with Operator() as operator:
         publisher = operator.advertise(topics.UI_COMMAND)
-        operator.subscribe(topics.MISSION_STATUS, lambda message: heard.append(_mission(message)))
+        operator.subscribe(topics.MISSION_STATUS, lambda message: received.append(_mission(message)))
         # The latched previous status arrives first; the next one that names the command is the answer.
-        manager = operator.wait(lambda: heard and publisher.get_subscription_count() > 0, timeout_s)
+        manager = operator.wait(lambda: received and publisher.get_subscription_count() > 0, timeout_s)
         if not manager:
             raise TimeoutError("no mission manager answers: is the stack running?")
-        heard.clear()
+        received.clear()
         message = UICommand(command_type=command, mission_id=mission_id)
         message.header.stamp = operator.node.get_clock().now().to_msg()
         publisher.publish(message)
-        if not operator.wait(lambda: any(item.last_command == command for item in heard), timeout_s):
+        if not operator.wait(lambda: any(item.last_command == command for item in received), timeout_s):
             raise TimeoutError(f"the mission manager does not answer {command}")
-        return next(item for item in heard if item.last_command == command)
+        return next(item for item in received if item.last_command == command)
 
 
 def watch_mission(report: Callable[[Mission], Any], timeout_s: float, follow: bool) -> None:
     """Calls ``report`` with the status and, to follow, with each new one until interrupted. Raises TimeoutError."""
-    heard: list[Mission] = []
+    received: list[Mission] = []
     with Operator() as operator:
-        operator.subscribe(topics.MISSION_STATUS, lambda message: heard.append(_mission(message)))
-        if not operator.wait(lambda: heard, timeout_s):
+        operator.subscribe(topics.MISSION_STATUS, lambda message: received.append(_mission(message)))
+        if not operator.wait(lambda: received, timeout_s):
             raise TimeoutError("no /mission/status: is the stack running?")
         while True:
-            for item in heard:
+            for item in received:
                 report(item)
-            heard.clear()
+            received.clear()
             if not follow:
                 return
-            operator.wait(lambda: heard, None)
+            operator.wait(lambda: received, None)

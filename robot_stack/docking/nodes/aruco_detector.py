@@ -89,7 +89,7 @@ class ArucoDetectorNode(StackNode):
 
     def _detect(self, camera: str, message: ImageView) -> list[ArucoDetection]:
         intrinsics = self._intrinsics.get(camera)
-        if intrinsics is None or not self._attention.wants(camera):
+        if intrinsics is None or not self._attention.uses(camera):
             return []
         try:
             observations = self._detector.detect(

@@ -170,15 +170,15 @@ class Collector:
         camera = _CAMERAS[topic]
         if camera not in self._lenses:
             self._lenses[camera] = lens_of(decode())
-        self._heard(camera, at_s)
+        self._note_source(camera, at_s)
 
-    def _heard(self, source: str, at_s: float) -> None:
+    def _note_source(self, source: str, at_s: float) -> None:
         self._sources.add(source)
         if self._open is not None:
             self._open.seen.setdefault(source, []).append(at_s)
 
     def _on_detections(self, _: str, at_s: float, decode: Decode) -> None:
-        self._heard(DETECTOR, at_s)
+        self._note_source(DETECTOR, at_s)
         if self._open is None:
             return
         self._open.markers += [marker_of(at_s, item) for item in decode().detections]
@@ -210,17 +210,17 @@ class Collector:
             return
         for status in decode().status:
             if status.name == CONTROLLER:
-                self._say(at_s, CONTROLLER, status.message)
+                self._log(at_s, CONTROLLER, status.message)
 
     def _on_mission(self, _: str, at_s: float, decode: Decode) -> None:
         if self._open is not None and (reason := str(decode().reason)):
-            self._say(at_s, "mission", reason)
+            self._log(at_s, "mission", reason)
 
-    def _say(self, at_s: float, who: str, text: str) -> None:
+    def _log(self, at_s: float, who: str, text: str) -> None:
         assert self._open is not None
-        last = next((said for _, author, said in reversed(self._open.said) if author == who), None)
+        last = next((entry for _, author, entry in reversed(self._open.log) if author == who), None)
         if text != last:
-            self._open.said.append((at_s, who, text))
+            self._open.log.append((at_s, who, text))
 
 
 _HANDLERS: dict[str, Callable[[Collector, str, float, Decode], None]] = {

@@ -28,7 +28,7 @@ def numbers(trace: Trace, limits: Limits, docks: Docks) -> dict[str, Any]:
         "verdict": verdict.text,
         "causes": [_finding(item) for item in verdict.causes],
         "other_findings": [_finding(item) for item in verdict.others],
-        "said": [{"at_s": _round(at_s - trace.start_s), "text": f"{who}: {text}"} for at_s, who, text in trace.said],
+        "log": [{"at_s": _round(at_s - trace.start_s), "text": f"{who}: {text}"} for at_s, who, text in trace.log],
         "tries": _tries(trace),
         "states": [_spell(trace, spell, "state") for spell in trace.states()],
         "errors": _errors(trace),
@@ -50,7 +50,7 @@ def lines(number: int, docking: dict[str, Any], start: str) -> list[str]:
         f"docking {number}: {dock}, {start}, {docking['duration_s']:.1f} s, {times}",
         f"  verdict: {docking['verdict']}",
         *(f"  also: {item['text']}" for item in [*docking["causes"][1:], *docking["other_findings"]]),
-        *(f"  t={item['at_s']:.1f} s, {item['text']}" for item in docking["said"]),
+        *(f"  t={item['at_s']:.1f} s, {item['text']}" for item in docking["log"]),
         "  states: " + ", ".join(f"{item['state']} {item['duration_s']:.1f} s" for item in docking["states"]),
         f"  errors: least {_mm(errors['least_m'])} and {_deg(errors['least_yaw_rad'])}, "
         f"last {_mm(errors['last_m'])} and {_deg(errors['last_yaw_rad'])}",

@@ -122,7 +122,7 @@ class Trace:
     seen: dict[str, list[float]] = field(default_factory=dict)
     lenses: dict[str, Lens] = field(default_factory=dict)
     shots: list[Shot] = field(default_factory=list)
-    said: list[tuple[float, str, str]] = field(default_factory=list)
+    log: list[tuple[float, str, str]] = field(default_factory=list)
 
     def states(self) -> list[Spell]:
         """The states in order, without the one that ended it."""

@@ -76,7 +76,7 @@ class Attention:
         self._without = dict.fromkeys(self._cameras, 0)
         self.leading = self._cameras[0]
 
-    def wants(self, camera: str) -> bool:
+    def uses(self, camera: str) -> bool:
         """True if this image of a camera shall be searched. Asked once for each image."""
         count = self._without[camera]
         self._without[camera] = count + 1

@@ -99,7 +99,7 @@ class LocalizationState:
         self._gate, self._quality, self._dead_reckoning = params.gate, params.quality, params.dead_reckoning
         self.state = Confidence.CONFIRMING
         self._accepted = self._refused = 0
-        self._heard_s = -math.inf  # time of the last sweep that was matched or had no structure
+        self._matched_s = -math.inf  # time of the last sweep that was matched or had no structure
         self._way_m = 0.0
         self._fit = 0.0
 
@@ -120,12 +120,12 @@ class LocalizationState:
     def found(self, match: Match, steady_s: float) -> None:
         """A search found a pose; it needs confirmation by matches."""
         self.restart(Confidence.CONFIRMING)
-        self._fit, self._heard_s = fit_of(match, self._gate, self._quality), steady_s
+        self._fit, self._matched_s = fit_of(match, self._gate, self._quality), steady_s
 
     def accept(self, match: Match, correction_m: float, correction_rad: float, steady_s: float) -> None:
         gate, fit = self._gate, fit_of(match, self._gate, self._quality)
         self._fit = fit if self._accepted == 0 else self._fit + 0.3 * (fit - self._fit)
-        self._heard_s, self._refused = steady_s, 0
+        self._matched_s, self._refused = steady_s, 0
         calm = correction_m < gate.sure_position_m and correction_rad < gate.sure_yaw_rad
         self._accepted = self._accepted + 1 if calm or self.state is Confidence.TRACKING else 0
         if self._accepted >= gate.accepted_until_sure:
@@ -136,7 +136,7 @@ class LocalizationState:
     def nothing_around(self, steady_s: float) -> None:
         """A sweep could neither confirm nor contradict the pose, and the map expects no structure here."""
         if self.state in (Confidence.TRACKING, Confidence.DEAD_RECKONING):
-            self.state, self._heard_s = Confidence.DEAD_RECKONING, steady_s
+            self.state, self._matched_s = Confidence.DEAD_RECKONING, steady_s
 
     def went(self, way_m: float) -> None:
         """The robot moved by ``way_m``."""
@@ -161,7 +161,7 @@ class LocalizationState:
         if not self.known:
             return 0.0
         q = self._quality
-        age = (q.stale_s - (steady_s - self._heard_s)) / (q.stale_s - q.fresh_s)
+        age = (q.stale_s - (steady_s - self._matched_s)) / (q.stale_s - q.fresh_s)
         # Each consecutive contradiction reduces the factor at once; the last one makes it zero.
         agreed = 1.0 - self._refused / self._gate.rejected_until_lost
         return min(1.0, max(0.0, age)) * min(1.0, max(0.0, self._fit)) * agreed * self._by_way()

@@ -21,7 +21,7 @@ class Slip:
     stamp_s: float
     over_s: float
     seen_m: float
-    told_m: float
+    odometry_m: float
     rate_mps: float
 
     def off_m(self, stamp_s: float) -> float:
@@ -29,7 +29,7 @@ class Slip:
         return self.rate_mps * max(0.0, stamp_s - self.stamp_s)
 
     def __str__(self) -> str:
-        return f"{self.told_m:.2f} m by the wheels, {self.seen_m:.2f} m by the map in {self.over_s:.1f} s"
+        return f"{self.odometry_m:.2f} m by the wheels, {self.seen_m:.2f} m by the map in {self.over_s:.1f} s"
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,15 +61,15 @@ class SlipWitness:
             self._sights.popleft()
         oldest, last = (self._sights[0], self._sights[-1]) if self._sights else (newest, newest)
         self._sights.append(newest)
-        told = travelled.relative_to(oldest.travelled)
-        told_m = math.hypot(told.x, told.y)
+        by_odometry = travelled.relative_to(oldest.travelled)
+        odometry_m = math.hypot(by_odometry.x, by_odometry.y)
         apart_m = _apart_m(oldest, newest)
-        doubt_m = p.sigmas * math.sqrt(newest.variance_m2 + oldest.variance_m2) + p.share * told_m
+        doubt_m = p.sigmas * math.sqrt(newest.variance_m2 + oldest.variance_m2) + p.share * odometry_m
         if apart_m <= max(p.least_m, doubt_m):
             return None
         over_s = stamp_s - oldest.stamp_s
         rate_mps = max(apart_m / over_s, _apart_m(last, newest) / (stamp_s - last.stamp_s))
-        return Slip(stamp_s, over_s, oldest.matched.distance_to(newest.matched), told_m, rate_mps)
+        return Slip(stamp_s, over_s, oldest.matched.distance_to(newest.matched), odometry_m, rate_mps)
 
 
 def _apart_m(old: _Sight, new: _Sight) -> float:

@@ -126,7 +126,7 @@ class MissionManagerNode(StackNode):
             docking_state=self._docking_state(),
             charging=self._battery.fresh() and self._battery.latest.power_supply_status == _CHARGING,
             manual=self._teleop.fresh(),
-            setting_out=self._motion_warnings.heard,
+            setting_out=self._motion_warnings.active,
         )
 
     def _charge(self) -> float:

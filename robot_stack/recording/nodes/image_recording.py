@@ -51,7 +51,7 @@ class ImageRecording:
             self._subscriptions = []
 
     def _on_image(self, topic: str, data: bytes, received_ns: int, sent_ns: int) -> None:
-        if self._thinning.wants(topic, self._node.now_s()):
+        if self._thinning.keeps(topic, self._node.now_s()):
             self._write(topic, data, received_ns, sent_ns)
 
     def close(self) -> None:

@@ -43,7 +43,7 @@ class RecorderNode(StackNode):
         self._writer.add(topic, received_ns, sent_ns, data)
 
     def _on_sweep(self, topic: str, data: bytes, received_ns: int, sent_ns: int) -> None:
-        if self._sweeps.wants(topic, self.now_s()):
+        if self._sweeps.keeps(topic, self.now_s()):
             self._on_message(topic, data, received_ns, sent_ns)
 
     def _watch(self) -> None:

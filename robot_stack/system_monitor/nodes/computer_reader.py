@@ -28,7 +28,7 @@ class ComputerReader:
         self.find_disk()
 
     def cpu(self) -> CpuTimes | None:
-        with suppress(OSError, ValueError, IndexError), _told_in(self._proc):
+        with suppress(OSError, ValueError, IndexError), _path_in_errors(self._proc):
             times = psutil.cpu_times()
             # The kernel already includes guest time in user and nice.
             total_s = math.fsum(times) - getattr(times, "guest", 0.0) - getattr(times, "guest_nice", 0.0)
@@ -36,7 +36,7 @@ class ComputerReader:
         return None
 
     def memory_percent(self) -> float:
-        with suppress(OSError, ValueError, KeyError, ZeroDivisionError), _told_in(self._proc):
+        with suppress(OSError, ValueError, KeyError, ZeroDivisionError), _path_in_errors(self._proc):
             return float(psutil.virtual_memory().percent)
         return math.nan
 
@@ -81,7 +81,7 @@ def _folder(name: str) -> Path:
 
 
 @contextmanager
-def _told_in(proc_folder: Path) -> Iterator[None]:
+def _path_in_errors(proc_folder: Path) -> Iterator[None]:
     """Redirects psutil to the folder for a moment; the stack's processes need the real one."""
     psutil.PROCFS_PATH = str(proc_folder)
     try:

@@ -118,8 +118,8 @@ class SystemMonitorNode(StackNode):
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         now_s = self.monotonic_s()
         for status in message.status:
-            self._tree.heard(status.name, level_of(status), status.message, status, now_s)
-            self._traffic.heard(status.name, ((item.key, item.value) for item in status.values), now_s)
+            self._tree.update(status.name, level_of(status), status.message, status, now_s)
+            self._traffic.update(status.name, ((item.key, item.value) for item in status.values), now_s)
 
     def _look_around(self) -> None:
         self._graph.look()

@@ -36,7 +36,7 @@ class Robot(Protocol):
     def stop(self) -> None: ...
     def drive(self, twist: Twist2) -> None: ...
     def carry_out(self, client: int, message: p.ClientMessage) -> None: ...
-    def want(self, layers: frozenset[p.Layer]) -> None: ...
+    def request_layers(self, layers: frozenset[p.Layer]) -> None: ...
     def audit(self, who: str, what: str, outcome: str) -> None: ...
 
 
@@ -91,7 +91,7 @@ class Hub:
         self._pages[page.number] = page
         self.pages = len(self._pages)
         self._tell_access(page)
-        self._robot.want(self._wanted)  # makes it send what was held back without a page
+        self._robot.request_layers(self._wanted)  # makes it send what was held back without a page
         return page
 
     def leave(self, page: Page) -> None:
@@ -101,7 +101,7 @@ class Hub:
         self.pages = len(self._pages)
         self._look()
 
-    def hear(self, page: Page, text: str | bytes | None) -> bool:
+    def on_message(self, page: Page, text: str | bytes | None) -> bool:
         """Handles a frame of a page. False: the page is to be closed."""
         now_s = self._now_s()
         staff = self._desk.access.role(page.number, now_s) is Role.STAFF
@@ -258,7 +258,7 @@ class Hub:
         wanted = frozenset(layer for layers in allowed.values() for layer in layers)
         if wanted != self._wanted:
             self._wanted = wanted
-            self._robot.want(wanted)
+            self._robot.request_layers(wanted)
 
     # --- slow operations ---------------------------------------------------------------------------------------------
 

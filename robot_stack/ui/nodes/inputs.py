@@ -67,7 +67,7 @@ class RobotInputs:
         self._robot = node.subscribe(topics.ROBOT_STATUS)
         self._at_times: dict[str, Input] = {}
 
-    def want(self, layers: frozenset[Layer]) -> None:
+    def request_layers(self, layers: frozenset[Layer]) -> None:
         """Subscribes to the topics of these layers, and to no others."""
         rows = {row.name: row for layer in layers for row in _BY_LAYER.get(layer, ())}
         for name in self._at_times.keys() - rows.keys():
@@ -148,7 +148,7 @@ class RobotInputs:
         for status in message.status:
             level = status.level[0] if isinstance(status.level, bytes) else int(status.level)
             values = {item.key: item.value for item in status.values}
-            self._diagnostics.heard(status.name, level, status.message, values, now_s)
+            self._diagnostics.update(status.name, level, status.message, values, now_s)
 
 
 def _safety(entry: Input) -> Safety | None:

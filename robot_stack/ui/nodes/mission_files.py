@@ -30,7 +30,7 @@ class EditAnswer:
     detail: str = ""
     problems: tuple[Problem, ...] = ()
 
-    def told(self) -> dict[str, Any]:
+    def fields(self) -> dict[str, Any]:
         """The problems as a page takes them."""
         found = [
             {"field": ".".join(map(str, item.field)), "where": item.where[:_TEXT_MAX], "text": item.text[:_TEXT_MAX]}

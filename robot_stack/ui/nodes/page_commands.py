@@ -82,4 +82,4 @@ class PageCommands:
         if not isinstance(message, p.CheckMission):
             self._history.add(self._pages.who(client), named(message), done.why or "ok")
             self._pages.show_files()
-        self._pages.answer(client, message.id, not done.why, done.why, done.detail, **done.told())
+        self._pages.answer(client, message.id, not done.why, done.why, done.detail, **done.fields())

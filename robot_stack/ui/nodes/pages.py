@@ -47,10 +47,10 @@ class Pages:
         self._ride_state = ""
         self.staff_called = False
 
-    def want(self, layers: frozenset[p.Layer]) -> None:
+    def request_layers(self, layers: frozenset[p.Layer]) -> None:
         """Sets the layers in use."""
         self._wanted = layers
-        self._inputs.want(layers)
+        self._inputs.request_layers(layers)
         self.show()
         self.show_files()
 

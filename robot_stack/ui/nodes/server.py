@@ -190,7 +190,7 @@ class WebServer:
             message = await websocket.receive()
             if message["type"] == "websocket.disconnect":
                 return
-            if not self.hub.hear(page, message.get("text")):
+            if not self.hub.on_message(page, message.get("text")):
                 await websocket.close(_POLICY_VIOLATION)
                 return
 

@@ -28,7 +28,7 @@ _DIAGNOSTICS_HZ = 1.0
 
 
 class TouchUiNode(StackNode):
-    """The server's thread calls ``stop``, ``drive``, ``carry_out``, ``want`` and ``audit``."""
+    """The server's thread calls ``stop``, ``drive``, ``carry_out``, ``request_layers`` and ``audit``."""
 
     def __init__(self) -> None:
         super().__init__("touch_ui", TouchUiParams)
@@ -67,8 +67,8 @@ class TouchUiNode(StackNode):
     def carry_out(self, client: int, message: p.ClientMessage) -> None:
         self.call_soon(lambda: self._commands.carry_out(client, message))
 
-    def want(self, layers: frozenset[p.Layer]) -> None:
-        self.call_soon(lambda: self._pages.want(layers))
+    def request_layers(self, layers: frozenset[p.Layer]) -> None:
+        self.call_soon(lambda: self._pages.request_layers(layers))
 
     def audit(self, who: str, what: str, outcome: str) -> None:
         self.call_soon(lambda: self._audit.add(who, what, outcome))

@@ -33,37 +33,37 @@ class RobotModel:
         self._model = Model(load_robot(), load_robot_shape(), load_docks())
         self._panel = DisplayPanel(params.display, load_patterns())
         self._period_s = 1.0 / params.model_hz
-        self._due_s = self._heard_s = 0.0
+        self._due_s = self._received_s = 0.0
         self._joints: bytes = b""
         self._attached = False
         self._shown: int | None = None
-        self._shown_since_s = self._shown_heard_s = -math.inf
+        self._shown_since_s = self._shown_received_s = -math.inf
 
-    def heard(self, topic: str, data: bytes) -> None:
+    def update(self, topic: str, data: bytes) -> None:
         if topic == topics.JOINT_STATES.name:
-            self._joints, self._heard_s = data, time.monotonic()
+            self._joints, self._received_s = data, time.monotonic()
         elif topic == topics.PASSENGER_ATTACHED.name:
             self._attached = _message(topics.PASSENGER_ATTACHED, data).data
         elif topic == topics.EHMI_STATUS.name:
-            self._display_heard(_message(topics.EHMI_STATUS, data))
+            self._on_display(_message(topics.EHMI_STATUS, data))
 
-    def _display_heard(self, status: Any) -> None:
-        self._shown_heard_s = time.monotonic()
+    def _on_display(self, status: Any) -> None:
+        self._shown_received_s = time.monotonic()
         known = status.linked and status.acknowledged_state != status.NO_STATE
         state = status.acknowledged_state if known else None
         if state != self._shown:
-            self._shown, self._shown_since_s = state, self._shown_heard_s
+            self._shown, self._shown_since_s = state, self._shown_received_s
 
     def show(self, now_ns: int) -> None:
         now_s = time.monotonic()
-        if now_s < self._due_s or now_s - self._heard_s > _SILENT_S or not self._joints:
+        if now_s < self._due_s or now_s - self._received_s > _SILENT_S or not self._joints:
             return
         self._due_s = now_s + self._period_s
         states = _message(topics.JOINT_STATES, self._joints)
         angles = joint_angles(states.name, states.position)
         assert topics.EHMI_STATUS.stale_s is not None
-        told = now_s - self._shown_heard_s <= topics.EHMI_STATUS.stale_s
-        panel = [self._panel.entity(self._shown, now_s - self._shown_since_s, now_ns)] if told else []
+        fresh = now_s - self._shown_received_s <= topics.EHMI_STATUS.stale_s
+        panel = [self._panel.entity(self._shown, now_s - self._shown_since_s, now_ns)] if fresh else []
         self._channel.log(self._model.update(angles, self._attached, now_ns, panel), log_time=now_ns)
 
 

@@ -100,6 +100,6 @@ class View:
             while (taken := handle.take_message(subscription.msg_type, True)) is not None:
                 channel.log(taken[0], log_time=log_ns)
                 if self._model is not None:
-                    self._model.heard(name, taken[0])
+                    self._model.update(name, taken[0])
         if self._model is not None and self._watching.looked_at(MODEL):
             self._model.show(log_ns)

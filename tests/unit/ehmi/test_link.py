@@ -24,7 +24,7 @@ class Story:
     def __init__(self, shown: Shown = IDLE) -> None:
         self.link = Link(PARAMS, shown)
         self.now_s = 100.0
-        self.heard: list[str] = []
+        self.received: list[str] = []
         self.sent_s: list[float] = []
         self.opens = self.closes = 0
         self.answering = True
@@ -37,14 +37,14 @@ class Story:
             self.closes += order.close
             self.opens += order.open
             lines = self.decoder.feed(order.data)
-            self.heard += lines
+            self.received += lines
             self.sent_s += [self.now_s] * len(lines)
             if self.answering:
                 for line in lines:
                     self.says(f"OK {line}")
             if not (order.close or order.data):
                 return self
-        raise AssertionError(f"it never stops talking: {self.heard[-5:]}")
+        raise AssertionError(f"it never stops sending: {self.received[-5:]}")
 
     def says(self, *lines: str) -> Story:
         for line in lines:
@@ -77,7 +77,7 @@ class Story:
         return self
 
     def clear(self) -> Story:
-        self.heard.clear()
+        self.received.clear()
         self.sent_s.clear()
         return self
 
@@ -98,7 +98,7 @@ def test_before_the_port_is_open_nothing_is_known(story):
     status = story.link.status
     assert (status.linked, status.acknowledged_state, status.fault) == (False, None, "")
     story.act()
-    assert (story.opens, story.heard) == (1, [])
+    assert (story.opens, story.received) == (1, [])
     assert story.link.next_due_s() == math.inf, "an open is under way"
     story.wait(60.0)
     assert story.opens == 1
@@ -106,7 +106,7 @@ def test_before_the_port_is_open_nothing_is_known(story):
 
 def test_first_connection_sends_ping_then_all_values(story):
     story.open()
-    assert story.heard == ["PING", "LANG ja", "VOL 5", "STATE 1"]
+    assert story.received == ["PING", "LANG ja", "VOL 5", "STATE 1"]
     status = story.link.status
     assert (status.linked, status.acknowledged_state, status.text) == (True, 1, "the display acknowledges")
 
@@ -122,22 +122,22 @@ def test_the_first_bytes_end_whatever_half_line_the_display_still_holds(story):
 
 def test_the_state_is_repeated_once_a_second_and_nothing_else(story):
     story.open().clear().wait(10.05)
-    assert story.heard == ["STATE 1"] * 10
+    assert story.received == ["STATE 1"] * 10
 
 
 def test_a_new_state_goes_out_at_once(story):
     story.open().clear().wait(0.3).clear().show(2)
-    assert story.heard == ["STATE 2"]
+    assert story.received == ["STATE 2"]
     assert story.link.status.acknowledged_state == 2
 
 
 def test_only_changed_values_are_sent(story):
     story.open().clear().show(1, "en")
-    assert story.heard == ["LANG en"]
+    assert story.received == ["LANG en"]
     story.clear().show(1, "en", 9)
-    assert story.heard == ["VOL 9"]
+    assert story.received == ["VOL 9"]
     story.clear().show(25, "zh", 0)
-    assert story.heard == ["LANG zh", "VOL 0", "STATE 25"]
+    assert story.received == ["LANG zh", "VOL 0", "STATE 25"]
 
 
 def test_the_time_from_wish_to_acknowledge(story):
@@ -155,7 +155,7 @@ def test_values_out_of_range_are_rejected_and_not_sent(story):
     for wrong in (Shown(11, "ja", 5), Shown(1, "de", 5), Shown(1, "ja", 11)):
         with pytest.raises(ValueError, match="no command"):
             story.link.show(wrong, story.now_s)
-    assert story.act().heard == []
+    assert story.act().received == []
 
 
 # --- late, lost and garbled ------------------------------------------------------------------------------------------
@@ -163,7 +163,7 @@ def test_values_out_of_range_are_rejected_and_not_sent(story):
 
 def test_three_tries_200_ms_apart_then_the_link_is_lost(story):
     story.open().silent().clear().show(2).wait(0.61)
-    assert story.heard[:3] == ["STATE 2"] * 3
+    assert story.received[:3] == ["STATE 2"] * 3
     assert story.sent_s[1] - story.sent_s[0] == pytest.approx(0.2)
     assert story.sent_s[2] - story.sent_s[1] == pytest.approx(0.2)
     assert not story.linked
@@ -184,14 +184,14 @@ def test_retry_sends_latest_value(story):
     story.open().silent().show(1, "en").clear()
     story.link.show(Shown(1, "zh", 5), story.now_s)
     story.now_s += 0.2
-    assert story.act().heard == ["LANG zh"]
+    assert story.act().received == ["LANG zh"]
 
 
 def test_echo_of_other_state_is_not_an_acknowledgement(story):
     story.open().silent().show(23).clear().says("OK STATE 10")
     assert story.link.status.acknowledged_state == 10, "that is what it shows"
     story.wait(0.25)
-    assert story.heard == ["STATE 23"]
+    assert story.received == ["STATE 23"]
     story.says("OK STATE 23").act()
     assert story.link.status.acknowledged_state == 23
 
@@ -200,24 +200,24 @@ def test_the_late_answer_to_an_older_state_does_not_hide_the_new_one(story):
     story.open().silent().show(2).show(3).clear().says("OK STATE 2")
     assert story.linked
     story.wait(0.25)
-    assert story.heard == ["STATE 3"]
+    assert story.received == ["STATE 3"]
 
 
 def test_a_state_overtakes_one_that_waits_for_its_answer(story):
     story.open().silent().show(2).clear().show(3)
-    assert story.heard == ["STATE 3"]
+    assert story.received == ["STATE 3"]
 
 
 def test_a_state_waits_for_the_language_but_a_stop_does_not(story):
     story.open().silent().clear().show(2, "en")
-    assert story.heard == ["LANG en"]
+    assert story.received == ["LANG en"]
     story.show(6, "en")
-    assert story.heard == ["LANG en", "STATE 6"]
+    assert story.received == ["LANG en", "STATE 6"]
 
 
 def test_emergency_stop_state_is_sent_before_language_and_volume(story):
     story.open().clear().show(6, "en", 9)
-    assert story.heard == ["STATE 6", "LANG en", "VOL 9"]
+    assert story.received == ["STATE 6", "LANG en", "VOL 9"]
 
 
 def test_garbage_is_counted_and_harms_nothing(story):
@@ -233,12 +233,12 @@ def test_corrupt_answer_triggers_one_immediate_retry(story):
     story.open().silent().clear().show(2)
     story.link.received(b"OK STA?E 2*4C\n", story.now_s)
     story.act()
-    assert story.heard == ["STATE 2"] * 2
+    assert story.received == ["STATE 2"] * 2
     story.link.received(b"OK STA?E 2*4C\n", story.now_s)
     story.act().wait(0.15)
-    assert story.heard == ["STATE 2"] * 2
+    assert story.received == ["STATE 2"] * 2
     story.wait(0.1)
-    assert story.heard == ["STATE 2"] * 3
+    assert story.received == ["STATE 2"] * 3
     assert story.linked
 
 
@@ -255,11 +255,11 @@ def test_half_lines_are_joined(story):
 
 def test_error_answer_is_retried_up_to_three_attempts(story):
     story.open().silent().clear().show(2).says("ERROR not a line").act().says("ERROR not a line").act()
-    assert story.heard == ["STATE 2"] * 3
+    assert story.received == ["STATE 2"] * 3
     story.says("ERROR unknown command").act()
     assert story.linked, "it is there"
     assert story.link.status.text == "the display refuses 'STATE 2': unknown command"
-    assert story.heard == ["STATE 2"] * 3
+    assert story.received == ["STATE 2"] * 3
 
 
 def test_rejected_state_is_sent_again_at_next_repetition(story):
@@ -268,10 +268,10 @@ def test_rejected_state_is_sent_again_at_next_repetition(story):
         story.says("ERROR").act()
     assert story.link.status.text.endswith("no reason given")
     story.clear().wait(0.9)
-    assert story.heard == []
+    assert story.received == []
     story.answering = True
     story.wait(0.2)
-    assert story.heard == ["STATE 2"]
+    assert story.received == ["STATE 2"]
     assert story.link.status.text == "the display acknowledges"
 
 
@@ -279,7 +279,7 @@ def test_a_refused_language_does_not_hold_the_state_back(story):
     story.open().silent().clear().show(2, "en")
     for _ in range(3):
         story.says("ERROR no such font").act()
-    assert story.heard == ["LANG en"] * 3 + ["STATE 2"]
+    assert story.received == ["LANG en"] * 3 + ["STATE 2"]
 
 
 def test_another_wish_does_not_wait_for_a_refused_one(story):
@@ -287,31 +287,31 @@ def test_another_wish_does_not_wait_for_a_refused_one(story):
     for _ in range(3):
         story.says("ERROR").act()
     story.clear().show(3)
-    assert story.heard == ["STATE 3"]
+    assert story.received == ["STATE 3"]
 
 
 def test_unsolicited_error_is_ignored(story):
     story.open().clear().says("ERROR not a line").act()
-    assert (story.heard, story.linked) == ([], True)
+    assert (story.received, story.linked) == ([], True)
 
 
 def test_ready_message_triggers_resend_of_all_values(story):
     story.show(25).open().wait(0.3).clear().says("READY").act()
-    assert story.heard == ["LANG ja", "VOL 5", "STATE 25"]
+    assert story.received == ["LANG ja", "VOL 5", "STATE 25"]
 
 
 def test_ready_while_a_command_waits(story):
     story.open().silent().show(2).clear()
     story.answering = True
     story.says("READY").act()
-    assert story.heard == ["LANG ja", "VOL 5", "STATE 2"]
+    assert story.received == ["LANG ja", "VOL 5", "STATE 2"]
 
 
 def test_ready_of_a_display_that_was_silent_is_answered_at_once(story):
     story.silent().open().wait(0.3).clear()
     story.answering = True
     story.says("READY").act()
-    assert story.heard == ["LANG ja", "VOL 5", "STATE 1"]
+    assert story.received == ["LANG ja", "VOL 5", "STATE 1"]
     assert story.linked
 
 
@@ -351,12 +351,12 @@ def test_a_pulled_cable_and_back(story):
     assert not story.linked
     assert (story.link.status.text, story.link.status.acknowledged_state) == ("hung up", 25)
     story.wait(0.2)
-    assert (story.opens, story.heard) == (1, [])
+    assert (story.opens, story.received) == (1, [])
     story.wait(0.1)
     assert story.opens == 2
     story.link.opened(story.now_s)
     story.act()
-    assert story.heard == ["PING", "LANG ja", "VOL 5", "STATE 25"]
+    assert story.received == ["PING", "LANG ja", "VOL 5", "STATE 25"]
     assert story.linked
 
 
@@ -375,7 +375,7 @@ def test_change_during_disconnection_is_sent_after_reconnection(story):
     story.open().link.lost("hung up", story.now_s)
     story.show(6).clear().wait(0.3).link.opened(story.now_s)
     story.act()
-    assert story.heard == ["PING", "STATE 6", "LANG ja", "VOL 5"]
+    assert story.received == ["PING", "STATE 6", "LANG ja", "VOL 5"]
 
 
 def test_half_a_line_from_before_the_cable_was_pulled_spoils_nothing(story):
@@ -388,7 +388,7 @@ def test_half_a_line_from_before_the_cable_was_pulled_spoils_nothing(story):
 
 def test_silent_display_is_polled_then_port_is_reopened(story):
     story.silent().show(25).open().wait(2.9)
-    assert story.heard == ["PING", "STATE 25"] * 3
+    assert story.received == ["PING", "STATE 25"] * 3
     assert not story.linked
     assert story.closes == 0
     story.wait(0.2)
@@ -400,7 +400,7 @@ def test_silent_display_is_polled_then_port_is_reopened(story):
 
 def test_emergency_stop_is_sent_to_display_that_does_not_answer(story):
     story.silent().open().wait(1.0).show(6).clear().wait(1.1)
-    assert "STATE 6" in story.heard
+    assert "STATE 6" in story.received
 
 
 def test_a_display_that_wakes_up_is_taken_back(story):
@@ -409,7 +409,7 @@ def test_a_display_that_wakes_up_is_taken_back(story):
     story.answering = True
     story.clear().wait(1.0)
     assert story.linked
-    assert {"LANG ja", "VOL 5", "STATE 1"} <= set(story.heard)
+    assert {"LANG ja", "VOL 5", "STATE 1"} <= set(story.received)
 
 
 # --- random events ---------------------------------------------------------------------------------------------------
@@ -453,8 +453,8 @@ def test_after_any_story_a_display_that_answers_shows_what_is_wanted(script):
     assert story.link.status.acknowledged_state == wanted
     story.clear()
     run(story, 2.1)
-    assert set(story.heard) == {f"STATE {wanted}"}, "and then it only repeats"
-    assert len(story.heard) in (2, 3)
+    assert set(story.received) == {f"STATE {wanted}"}, "and then it only repeats"
+    assert len(story.received) in (2, 3)
 
 
 def run(story: Story, seconds: float) -> None:

@@ -22,28 +22,28 @@ def match_at(x_m: float, y_m: float = 0.0, sigma_m: float = 0.015, yaw_rad: floa
     return Match(pose, np.eye(6) * sigma_m**2, score=0.9, structure=500, converged=True, iterations=5, reversals=0)
 
 
-def run(seconds: float, seen_mps: float, told_mps: float, sigma_m: float = 0.015) -> Slip | None:
+def run(seconds: float, seen_mps: float, odometry_mps: float, sigma_m: float = 0.015) -> Slip | None:
     """Returns the last report. The frame of the wheels has another origin and heading."""
     witness, zero = SlipWitness(SLIP), Pose2(40.0, -7.0, 2.0)
     told = None
     for k in range(round(seconds / PERIOD_S) + 1):
         t_s = k * PERIOD_S
         told = witness.see(
-            100.0 + t_s, match_at(seen_mps * t_s, sigma_m=sigma_m), zero.compose(Pose2(told_mps * t_s, 0, 0))
+            100.0 + t_s, match_at(seen_mps * t_s, sigma_m=sigma_m), zero.compose(Pose2(odometry_mps * t_s, 0, 0))
         )
     return told
 
 
 def test_spinning_wheels_are_detected_within_two_sweeps() -> None:
-    slip = run(0.2, seen_mps=0.0, told_mps=1.0)
+    slip = run(0.2, seen_mps=0.0, odometry_mps=1.0)
     assert slip is not None
     assert (slip.stamp_s, slip.over_s) == pytest.approx((100.2, 0.2))
-    assert (slip.seen_m, slip.told_m, slip.rate_mps) == pytest.approx((0.0, 0.2, 1.0))
+    assert (slip.seen_m, slip.odometry_m, slip.rate_mps) == pytest.approx((0.0, 0.2, 1.0))
     assert str(slip) == "0.20 m by the wheels, 0.00 m by the map in 0.2 s"
 
 
 def test_sliding_with_wheels_at_rest_is_detected() -> None:
-    slip = run(1.0, seen_mps=0.15, told_mps=0.0)
+    slip = run(1.0, seen_mps=0.15, odometry_mps=0.0)
     assert slip is not None
     assert slip.seen_m == pytest.approx(0.15)
 
@@ -51,7 +51,7 @@ def test_sliding_with_wheels_at_rest_is_detected() -> None:
 def test_equal_distances_are_not_detected_as_slip() -> None:
     for speed_mps in (0.0, 0.3, 1.5):
         assert run(3.0, speed_mps, speed_mps) is None
-    assert run(3.0, seen_mps=1.5, told_mps=1.5 * 1.01) is None  # wrong wheel radii
+    assert run(3.0, seen_mps=1.5, odometry_mps=1.5 * 1.01) is None  # wrong wheel radii
 
 
 def test_match_noise_is_not_detected_as_slip() -> None:
@@ -64,7 +64,7 @@ def test_match_noise_is_not_detected_as_slip() -> None:
 
 
 def test_match_with_large_sigma_detects_no_slip() -> None:
-    assert run(1.0, seen_mps=0.0, told_mps=0.5, sigma_m=0.2) is None
+    assert run(1.0, seen_mps=0.0, odometry_mps=0.5, sigma_m=0.2) is None
 
 
 def test_slip_window_excludes_older_motion() -> None:
@@ -83,7 +83,7 @@ def test_cleared_slip_window_ignores_previous_pose() -> None:
 
 
 def test_dead_reckoning_is_the_farther_off_the_longer_ago_the_match() -> None:
-    slip = Slip(stamp_s=10.0, over_s=0.5, seen_m=0.0, told_m=0.5, rate_mps=1.0)
+    slip = Slip(stamp_s=10.0, over_s=0.5, seen_m=0.0, odometry_m=0.5, rate_mps=1.0)
     assert slip.off_m(10.2) == pytest.approx(0.2)
     assert slip.off_m(9.0) == 0.0
     assert replace(slip, rate_mps=0.2).off_m(10.2) == pytest.approx(0.04)

@@ -27,7 +27,7 @@ def test_modes(mode, subscribes, thins):
 def test_two_of_ten_a_second():
     choice = SweepChoice("thinned", 2.0)
     times = [0.1 * number for number in range(100)]
-    assert sum(choice.wants(topics.LIDAR_POINTS.name, now) for now in times) == 20
+    assert sum(choice.keeps(topics.LIDAR_POINTS.name, now) for now in times) == 20
 
 
 def test_the_configured_recorder_does_not_fill_the_disk():

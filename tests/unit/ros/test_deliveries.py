@@ -37,8 +37,8 @@ class Rig:
         self.now, self.idle, self.on_the_way = now, False, []
         self.sender, self.receiver = (NodeDeliveries(name, True, lambda: True) for name in ("sender", "receiver"))
         self.publisher: Any = self.sender.counted(topics.JOINT_STATES, SimpleNamespace(publish=self._send))
-        self.heard: list[str] = []
-        self.callback = self.receiver.noted(topics.JOINT_STATES, lambda message, _: self.heard.append(message), True)
+        self.received: list[str] = []
+        self.callback = self.receiver.noted(topics.JOINT_STATES, lambda message, _: self.received.append(message), True)
 
     def _send(self, message: str) -> None:
         self.now.s += 1e-5
@@ -74,7 +74,7 @@ def test_a_timer_waits_for_what_was_published_before_it(rig: Rig) -> None:
         assert rig.receiver.owed()
     rig.deliver()
     assert not rig.receiver.owed()
-    assert rig.heard == ["first", "second"]
+    assert rig.received == ["first", "second"]
 
 
 def test_a_timer_does_not_wait_for_what_is_published_meanwhile(rig: Rig) -> None:

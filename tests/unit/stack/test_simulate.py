@@ -86,8 +86,8 @@ def test_invalid_simulate_arguments_are_reported_in_one_line(
 def test_the_demo_starts_where_localization_is_wrong() -> None:
     scenario, name = choose_scenario("demo", seed=3)
     assert (scenario.mission, scenario.world, scenario.seed, name) == ("site_transport", "yard", 3, "demo")
-    assert scenario.believed_start is not None
-    believed, start = scenario.believed_start.pose(), scenario.start_pose()
+    assert scenario.estimated_start is not None
+    believed, start = scenario.estimated_start.pose(), scenario.start_pose()
     assert believed.distance_to(start) == pytest.approx(1.0)
     assert math.degrees(believed.yaw - start.yaw) == pytest.approx(10.0)
     assert choose_scenario("demo:short")[0].start_pose().distance_to(SHORT_START) == pytest.approx(0.0)

@@ -25,7 +25,7 @@ def shown(entries: list[Entry]) -> dict[str, tuple[Level, str]]:
 def test_groups_come_before_their_children_in_the_configured_order() -> None:
     made = tree()
     for name in ("safety_monitor", "somebody", "swerve_controller: odometry /odom", "swerve_controller"):
-        made.heard(name, 0, f"{name} is well", name, 1.0)
+        made.update(name, 0, f"{name} is well", name, 1.0)
     entries = made.entries(1.0)
     assert [entry.path for entry in entries] == [
         "/Robot",
@@ -56,7 +56,7 @@ def test_groups_come_before_their_children_in_the_configured_order() -> None:
 def test_a_group_is_as_bad_as_its_worst_child(levels: tuple[Level, Level], group: Level, text: str) -> None:
     made = tree()
     for name, level in zip(GROUPS["Drive"], levels, strict=True):
-        made.heard(name, level, "said", None, 1.0)
+        made.update(name, level, "said", None, 1.0)
     found = shown(made.entries(1.0))
     assert found["/Robot/Drive"] == (group, text)
     assert found["/Robot"] == (group, text)
@@ -64,20 +64,20 @@ def test_a_group_is_as_bad_as_its_worst_child(levels: tuple[Level, Level], group
 
 def test_silent_entries_become_stale_and_come_back() -> None:
     made = tree()
-    made.heard("swerve_controller", 0, "driving", None, 1.0)
-    made.heard("hardware", 0, "well", None, 6.0)
+    made.update("swerve_controller", 0, "driving", None, 1.0)
+    made.update("hardware", 0, "well", None, 6.0)
     assert shown(made.entries(6.0))["/Robot/Drive"] == (OK, "OK")
     entries = made.entries(6.1)
     assert shown(entries)["/Robot/Drive/swerve_controller"] == (STALE, "driving")
     assert shown(entries)["/Robot/Drive"] == (ERROR, "Error")
     assert ("swerve_controller", "Stale") in entries[1].children
-    made.heard("swerve_controller", 1, "driving again", None, 6.2)
+    made.update("swerve_controller", 1, "driving again", None, 6.2)
     assert shown(made.entries(6.2))["/Robot/Drive/swerve_controller"] == (WARN, "driving again")
 
 
 def test_expected_nodes_are_missing_until_first_diagnostics() -> None:
     made = tree("swerve_controller", "safety_monitor")
-    made.heard("safety_monitor", 0, "NORMAL", None, 1.0)
+    made.update("safety_monitor", 0, "NORMAL", None, 1.0)
     entries = made.entries(1.0)
     assert shown(entries)["/Robot/Drive/swerve_controller"] == (STALE, "Missing")
     assert entries[1].children == (("swerve_controller", "Missing"),)
@@ -86,7 +86,7 @@ def test_expected_nodes_are_missing_until_first_diagnostics() -> None:
 
 def test_a_level_that_does_not_exist_is_an_error() -> None:
     made = tree()
-    made.heard("hardware", 77, "odd", None, 1.0)
+    made.update("hardware", 77, "odd", None, 1.0)
     assert shown(made.entries(1.0))["/Robot/Drive/hardware"] == (ERROR, "odd")
 
 

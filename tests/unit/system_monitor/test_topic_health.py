@@ -45,7 +45,7 @@ def test_an_input_is_read_by_its_fields_alone() -> None:
 
 
 def report(health: TopicHealth, node: str, text: str, now_s: float, topic: str = "/odom") -> None:
-    health.heard(node, [(f"{INPUT_PREFIX}{topic}", text), ("loop tick", "3 calls"), (INPUT_PREFIX, "junk")], now_s)
+    health.update(node, [(f"{INPUT_PREFIX}{topic}", text), ("loop tick", "3 calls"), (INPUT_PREFIX, "junk")], now_s)
 
 
 def test_topic_figures_come_from_subscriber_with_most_messages() -> None:

@@ -151,20 +151,20 @@ def test_rate_and_age_of_topic_come_from_freshest_subscriber() -> None:
     diagnostics = Diagnostics()
     rows = (topics.CURRENT_POSE, topics.ODOM, topics.TELEOP_CMD_VEL, topics.UI_COMMAND)
     pose = f"input {topics.CURRENT_POSE.name}"
-    diagnostics.heard("a", 0, "well", {pose: "received=9 rate_hz=9.9 age_s=0.30 fresh=True", "other": "1"}, 0.0)
-    diagnostics.heard("b", 1, "hm", {pose: "received=9 rate_hz=10.1 age_s=0.10 fresh=True"}, 0.0)
+    diagnostics.update("a", 0, "well", {pose: "received=9 rate_hz=9.9 age_s=0.30 fresh=True", "other": "1"}, 0.0)
+    diagnostics.update("b", 1, "hm", {pose: "received=9 rate_hz=10.1 age_s=0.10 fresh=True"}, 0.0)
     odom = f"input {topics.ODOM.name}"
     teleop = f"input {topics.TELEOP_CMD_VEL.name}"
     nothing = "received=0 rate_hz=nan age_s=inf fresh=False"
     stale = "received=3 rate_hz=0.0 age_s={age_s} fresh=False"
-    diagnostics.heard("c", 7, "", {odom: nothing, teleop: stale.format(age_s=9.0)}, 0.0)
+    diagnostics.update("c", 7, "", {odom: nothing, teleop: stale.format(age_s=9.0)}, 0.0)
     section = diagnostics.section(rows, 1.0)
     assert [(item["state"], item["by"]) for item in section["topics"]] == [
         ("OK", "b"), ("SILENT", ""), ("OK", "c"), ("NONE", ""),
     ]  # fmt: skip
     assert [(item["name"], item["level"]) for item in section["nodes"]] == [("a", "OK"), ("b", "WARN"), ("c", "ERROR")]
     assert diagnostics.section(rows, 60.0)["nodes"] == []
-    diagnostics.heard("b", 2, "", {pose: stale.format(age_s=2.0)}, 60.0)
+    diagnostics.update("b", 2, "", {pose: stale.format(age_s=2.0)}, 60.0)
     assert diagnostics.section(rows, 60.0)["topics"][0]["state"] == "STALE"
 
 

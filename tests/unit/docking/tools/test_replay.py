@@ -207,7 +207,7 @@ def test_replay_lists_messages_of_other_nodes_during_docking(story):
     story.run("FAILED", 2.0)
     story.write(topics.MISSION_STATUS, reason="much later")
     (docking,) = dockings(story.close())
-    assert [item["text"] for item in docking["said"]] == ["docking_controller: MARKERS_LOST", "mission: docking failed"]
+    assert [item["text"] for item in docking["log"]] == ["docking_controller: MARKERS_LOST", "mission: docking failed"]
 
 
 def test_two_dockings_and_an_undocking(story):

@@ -76,31 +76,31 @@ def test_a_camera_without_markers_is_searched_in_every_fifth_image_while_the_oth
     attention = Attention((FRONT, REAR), 5)
     searched = []
     for _ in range(16):
-        assert attention.wants(REAR)
+        assert attention.uses(REAR)
         attention.saw(REAR)
-        searched.append(attention.wants(FRONT))
+        searched.append(attention.uses(FRONT))
     assert attention.leading == REAR
     assert searched == [True] * 6 + [False] * 4 + [True] + [False] * 4 + [True]
-    attention.wants(REAR)
-    attention.wants(REAR)  # two images of the rear camera without a marker
-    assert attention.wants(FRONT)
+    attention.uses(REAR)
+    attention.uses(REAR)  # two images of the rear camera without a marker
+    assert attention.uses(FRONT)
 
 
 def test_all_images_are_searched_while_no_marker_is_visible() -> None:
     attention = Attention((FRONT, REAR), 5)
-    assert all(attention.wants(camera) for _ in range(20) for camera in (FRONT, REAR))
+    assert all(attention.uses(camera) for _ in range(20) for camera in (FRONT, REAR))
     assert attention.leading == FRONT
 
 
 def test_the_leading_camera_stays_while_it_sees_markers() -> None:
     attention = Attention((FRONT, REAR), 5)
     for camera in (FRONT, REAR):
-        attention.wants(camera)
+        attention.uses(camera)
     attention.saw(FRONT)
     attention.saw(REAR)
     assert attention.leading == FRONT
     for _ in range(2):
         for camera in (FRONT, REAR):
-            attention.wants(camera)
+            attention.uses(camera)
         attention.saw(REAR)
     assert attention.leading == REAR

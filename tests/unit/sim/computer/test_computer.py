@@ -107,9 +107,9 @@ def test_a_screen_can_be_lost_only_where_one_is_served(computer: SimComputer) ->
     tell_touch_screen("http://127.0.0.1:1/")  # no server listens there
     faults.inject("screen_lost")
     assert computer.screen.shown, "it is lost only once it has been seen"
-    computer.screen.heard()
+    computer.screen.on_heartbeat()
     assert computer.screen.shown
-    computer.screen.heard()
+    computer.screen.on_heartbeat()
     assert not computer.screen.shown
     faults.inject(CLEAR)
     assert computer.screen.shown
