@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import settings
+from hypothesis.internal.conjecture import providers
+from hypothesis.internal.constants_ast import Constants
 
 from tests import skips
 from tests.support.domains import held_domain
@@ -22,6 +24,10 @@ from tests.support.processes import NodeProcess, node_command
 settings.register_profile("repeat", derandomize=True, deadline=None)
 settings.register_profile("explore", max_examples=500, deadline=None, print_blob=True, database=None)
 settings.load_profile("repeat")
+# Hypothesis draws from the constants of all loaded modules of the project. Which are loaded depends on the tests that
+# ran before in the same process, and so would the examples.
+assert callable(providers._get_local_constants)
+providers._get_local_constants = Constants
 
 
 # A shell that runs the tests in the background ignores SIGINT. Child processes would inherit this and ignore the

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from robot_stack.mapping.cells import cells_of
@@ -30,18 +30,36 @@ def targets():
     return [target_of(cells_of(points, size_m, 8)) for size_m in (2.0, 1.0, 0.5)]
 
 
-@settings(max_examples=15, deadline=None)
-@given(st.integers(0, 2**31))
-def test_a_displaced_sweep_comes_back(targets, seed):
+def displaced(seed: int, within_m: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(true pose, sweep, initial pose) with an error of up to ``within_m`` in each axis and 0.05 rad."""
     random = np.random.default_rng(seed)
     truth = moved(np.eye(4), np.array([2.0, 3.0, 0.7, 0.0, 0.0, 0.4]))
     sweep = transform(inverse(truth), corner(random, 500))
-    step = np.concatenate([random.uniform(-0.3, 0.3, 3), random.uniform(-0.05, 0.05, 3)])
-    found = align(sweep, targets, moved(truth, step))
+    step = np.concatenate([random.uniform(-within_m, within_m, 3), random.uniform(-0.05, 0.05, 3)])
+    return truth, sweep, moved(truth, step)
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 2**31))
+def test_a_displaced_sweep_comes_back(targets, seed):
+    truth, sweep, initial = displaced(seed, within_m=0.1)
+    found = align(sweep, targets, initial)
     error = difference(found.pose, truth)
     assert np.linalg.norm(error[:3]) < 0.02
     assert np.linalg.norm(error[3:]) < 0.005
     assert found.share > 0.9
+
+
+@settings(max_examples=15, deadline=None)
+@example(168)
+@example(319)
+@given(st.integers(0, 2**31))
+def test_a_sweep_that_ends_in_a_neighbouring_minimum_fits_badly(targets, seed):
+    """From 0.3 m in each axis 17 of 3,000 seeds, 168 and 319 among them, end 0.3 m from the truth."""
+    truth, sweep, initial = displaced(seed, within_m=0.3)
+    found = align(sweep, targets, initial)
+    error = difference(found.pose, truth)
+    assert found.share < 0.7 or (np.linalg.norm(error[:3]) < 0.02 and np.linalg.norm(error[3:]) < 0.005)
 
 
 def test_prior_holds_guess_in_unconstrained_directions(targets):
