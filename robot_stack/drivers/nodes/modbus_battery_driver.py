@@ -9,7 +9,8 @@ from robot_stack.core.runtime import runtime_dir
 from robot_stack.drivers.modbus.battery import ModbusBattery
 from robot_stack.drivers.modbus.params import ModbusBatteryDriverParams
 from robot_stack.drivers.nodes.battery_message import battery_state
-from robot_stack.drivers.nodes.modbus_reader import ModbusReader
+from robot_stack.drivers.nodes.modbus_unit import ModbusUnit
+from robot_stack.middleware.device_thread import DeviceThread
 from robot_stack.middleware.node import StackNode, run
 
 _WATCH_HZ = 2.0
@@ -24,8 +25,9 @@ class ModbusBatteryDriverNode(StackNode):
         self._battery = ModbusBattery(params.registers, params.alarms, params.pack)
         self._state = self.advertise(topics.BATTERY_STATE)
         serial_port = str(runtime_dir() / params.modbus.serial_port)  # an absolute path replaces the folder
-        self._reader = ModbusReader(params.modbus, serial_port, self._battery.blocks(), self._on_registers)
-        self.set_health(False, f"waiting for the battery on {self._reader.where}")
+        unit = ModbusUnit(params.modbus, serial_port, self._battery.blocks(), self._on_registers)
+        self.set_health(False, f"waiting for the battery on {unit.where}")
+        self._thread = DeviceThread(unit, params.modbus.reopen_s)
         self.every(_WATCH_HZ, self._watch)
 
     def _on_registers(self, raw: dict[int, int]) -> None:
@@ -40,16 +42,16 @@ class ModbusBatteryDriverNode(StackNode):
         now_s = self.steady_s()
         problem = self._battery.problem(now_s)
         if self._battery.reading(now_s) is None:
-            problem = f"{problem}; {self._reader.state}"
+            problem = f"{problem}; {self._thread.state}"
         self.set_health(not problem, problem or "readings arrive")
         self.report.values |= {
-            "device": f"battery on {self._reader.state}",
-            "opened": f"{self._reader.opened} times",
+            "device": f"battery on {self._thread.state}",
+            "opened": f"{self._thread.opened} times",
             **self._battery.values(now_s),
         }
 
     def destroy_node(self) -> None:
-        self._reader.close()
+        self._thread.close()
         super().destroy_node()
 
 

@@ -14,13 +14,16 @@ from robot_stack.core.point_cloud import SWEEP
 from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.drivers.counters import Counters
 from robot_stack.drivers.nodes.mounting import mounting
-from robot_stack.drivers.nodes.packet_reader import PacketReader
+from robot_stack.drivers.nodes.udp_socket import UdpSocket
 from robot_stack.drivers.packet_lidar_params import PacketLidarParams
 from robot_stack.drivers.sweep import Sweep
 from robot_stack.middleware.conversions import time_from_s
+from robot_stack.middleware.device_thread import DeviceThread
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.point_cloud import cloud_message, fill
 from tf2_msgs.msg import TFMessage
+
+_PAUSE_S = 0.2  # after an error of the network
 
 
 class Builder(Protocol):
@@ -55,17 +58,18 @@ class PacketLidarNode(StackNode):
         self._tf.publish(TFMessage(transforms=[place]))
         self._device = f"{self.vendor} at {params.device_ip}, port {params.port}"
         self.set_health(False, f"waiting for the {self._device}")
-        self._reader = self._open(name)
+        self._socket = self._open(name)
+        self._thread = DeviceThread(self._socket, _PAUSE_S)
         self.every(1.0 / params.silence_s, self._watch)
 
     def builder(self, sensor: RangeSensor) -> Builder:
         """The builder of sweeps from the vendor's packets. Raises ConfigError."""
         raise NotImplementedError
 
-    def _open(self, name: str) -> PacketReader:
+    def _open(self, name: str) -> UdpSocket:
         params: Any = self.params
         try:
-            return PacketReader(str(params.bind_address), params.port, str(params.device_ip), self._on_packet)
+            return UdpSocket(str(params.bind_address), params.port, str(params.device_ip), self._on_packet)
         except OSError as error:
             raise ConfigError(f"{name}: {params.bind_address} port {params.port}: {error.strerror}") from error
 
@@ -89,11 +93,12 @@ class PacketLidarNode(StackNode):
         self.set_health(not silent, f"no sweeps: {why}" if silent else "sweeps arrive")
         self.report.values |= {
             "device": f"{builder.model or 'no packet yet'}, {self._device}",
-            "packets of others": str(self._reader.of_others),
+            "packets of others": str(self._socket.of_others),
             "clock drift": f"{builder.drift_ppm:.1f} ppm",
             **builder.counters.values(),
         }
 
     def destroy_node(self) -> None:
-        self._reader.close()
+        self._thread.close()
+        self._socket.close()
         super().destroy_node()

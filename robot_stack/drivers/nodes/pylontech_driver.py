@@ -7,10 +7,11 @@ from functools import partial
 from robot_stack.contract import topics
 from robot_stack.core.runtime import runtime_dir
 from robot_stack.drivers.nodes.battery_message import battery_state
-from robot_stack.drivers.nodes.can_reader import CanReader
+from robot_stack.drivers.nodes.can_bus import CanBus
 from robot_stack.drivers.pylontech.frames import KEEP_ALIVE, Measured
 from robot_stack.drivers.pylontech.pack import Pack
 from robot_stack.drivers.pylontech.params import PylontechDriverParams
+from robot_stack.middleware.device_thread import DeviceThread
 from robot_stack.middleware.node import StackNode, run
 
 _WATCH_HZ = 2.0
@@ -27,7 +28,8 @@ class PylontechDriverNode(StackNode):
         # An absolute path replaces the runtime folder; a network interface has none.
         channel = str(runtime_dir() / can.channel) if can.interface == "slcan" else can.channel
         self.set_health(False, f"waiting for the battery on {channel}")
-        self._reader = CanReader(channel, can, (KEEP_ALIVE, bytes(8)), self._on_frame)
+        self._bus = CanBus(channel, can, (KEEP_ALIVE, bytes(8)), self._on_frame)
+        self._thread = DeviceThread(self._bus, can.reopen_s)
         self.every(_WATCH_HZ, self._watch)
 
     def _on_frame(self, number: int, data: bytes) -> None:
@@ -44,17 +46,17 @@ class PylontechDriverNode(StackNode):
         now_s = self.steady_s()
         problem, reading = self._pack.problem(now_s), self._pack.reading(now_s)
         if reading is None:
-            problem = f"{problem}; {self._reader.state}"
+            problem = f"{problem}; {self._thread.state}"
         self.set_health(not problem, problem or "readings arrive")
         self.report.values |= {
-            "device": f"battery on {self._reader.state}",
-            "opened": f"{self._reader.opened} times",
-            "frames corrupt": str(self._reader.corrupt),
+            "device": f"battery on {self._thread.state}",
+            "opened": f"{self._thread.opened} times",
+            "frames corrupt": str(self._bus.corrupt),
             **self._pack.values(now_s),
         }
 
     def destroy_node(self) -> None:
-        self._reader.close()
+        self._thread.close()
         super().destroy_node()
 
 

@@ -16,11 +16,12 @@ from robot_stack.contract import frames, topics
 from robot_stack.contract.model import Topic
 from robot_stack.core.camera import camera_file, load_intrinsics
 from robot_stack.core.camera import mounting as camera_mounting
-from robot_stack.drivers.nodes.camera_reader import CameraReader
 from robot_stack.drivers.nodes.mounting import mounting
+from robot_stack.drivers.nodes.v4l2_device import V4l2Device
 from robot_stack.drivers.v4l2.frames import FrameChooser, Picture
 from robot_stack.drivers.v4l2.params import V4l2CameraDriverParams
 from robot_stack.middleware.conversions import camera_info, time_from_s
+from robot_stack.middleware.device_thread import DeviceThread
 from robot_stack.middleware.node import StackNode, run
 from tf2_msgs.msg import TFMessage
 
@@ -76,21 +77,22 @@ class _Camera:
         self._images, self._infos = node.advertise(image_row), node.advertise(info_row)
         self._published_s = -math.inf
         self._chooser = FrameChooser(node.params, size[1], size[0])
-        self._reader = CameraReader(device, size, node.params, self._chooser.begin_anew, self._wants, self._on_frame)
+        self._device = V4l2Device(device, size, node.params, self._chooser.begin_anew, self._wants, self._on_frame)
+        self._thread = DeviceThread(self._device, node.params.reopen_s)
 
     def problem(self, now_s: float) -> str:
         """Why no images arrive; empty while they do."""
         if now_s - self._published_s <= self._node.params.silence_s:
             return ""
-        return f"no images of the {self._name} camera: {self._chooser.problem or self._reader.state}"
+        return f"no images of the {self._name} camera: {self._chooser.problem or self._thread.state}"
 
     def values(self) -> dict[str, str]:
         """For /diagnostics."""
-        told = {"device": self._reader.state, "exposure": self._reader.exposure, **self._chooser.counters.values()}
+        told = {"device": self._thread.state, "exposure": self._device.exposure, **self._chooser.counters.values()}
         return {f"{self._name} {key}": value for key, value in told.items()}
 
     def close(self) -> None:
-        self._reader.close()
+        self._thread.close()
 
     def _wants(self, stamp_s: float) -> bool:
         return self._chooser.wants(stamp_s, time.monotonic())

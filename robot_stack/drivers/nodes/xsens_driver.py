@@ -11,10 +11,11 @@ from sensor_msgs.msg import Imu
 from robot_stack.contract import frames, topics
 from robot_stack.core.runtime import runtime_dir
 from robot_stack.drivers.nodes.mounting import mounting
-from robot_stack.drivers.nodes.serial_reader import SerialReader
+from robot_stack.drivers.nodes.serial_line import SerialLine
 from robot_stack.drivers.xsens.params import XsensDriverParams
 from robot_stack.drivers.xsens.unit import START, Sample, Unit
 from robot_stack.middleware.conversions import time_from_s
+from robot_stack.middleware.device_thread import DeviceThread
 from robot_stack.middleware.node import StackNode, run
 from tf2_msgs.msg import TFMessage
 
@@ -35,9 +36,9 @@ class XsensDriverNode(StackNode):
         # An absolute path replaces the runtime folder.
         port = str(runtime_dir() / self.params.serial.port)
         self.set_health(False, f"waiting for the inertial unit on {port}")
-        self._reader = SerialReader(
-            port, self.params.baud_rate, self.params.serial, START, self._on_opened, self._on_bytes
-        )
+        serial = self.params.serial
+        line = SerialLine(port, self.params.baud_rate, serial, START, self._on_opened, self._on_bytes)
+        self._thread = DeviceThread(line, serial.reopen_s)
         self.every(1.0 / self.params.silence_s, self._watch)
 
     def _on_opened(self) -> None:
@@ -63,14 +64,14 @@ class XsensDriverNode(StackNode):
     def _watch(self) -> None:
         silent = self.steady_s() - self._sampled_s > self.params.silence_s
         if silent:
-            self.set_health(False, f"no samples: {self._unit.problem or self._reader.state}")
+            self.set_health(False, f"no samples: {self._unit.problem or self._thread.state}")
         elif not self._unit.settled:
             self.set_health(True, "samples arrive; the unit's orientation is not settled yet")
         else:
             self.set_health(True, "samples arrive")
         self.report.values |= {
-            "device": f"Xsens on {self._reader.state}",
-            "opened": f"{self._reader.opened} times",
+            "device": f"Xsens on {self._thread.state}",
+            "opened": f"{self._thread.opened} times",
             "clock drift": f"{self._unit.drift_ppm:.1f} ppm",
             **self._unit.counters.values(),
         }
@@ -87,7 +88,7 @@ class XsensDriverNode(StackNode):
         return message
 
     def destroy_node(self) -> None:
-        self._reader.close()
+        self._thread.close()
         super().destroy_node()
 
 

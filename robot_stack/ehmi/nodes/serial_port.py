@@ -1,4 +1,4 @@
-"""The thread that owns the serial port: it opens, reads and writes as the link commands. No other thread blocks on it.
+"""The serial port of the display: opens it, reads and writes as the link commands. No other thread blocks on it.
 
 It runs on the machine's steady clock, also if the nodes run on simulated time: the display does too.
 """
@@ -6,8 +6,6 @@ It runs on the machine's steady clock, also if the nodes run on simulated time: 
 from __future__ import annotations
 
 import contextlib
-import os
-import select
 import threading
 import time
 
@@ -15,6 +13,7 @@ import serial
 
 from robot_stack.ehmi.link import Link, LinkStatus, Shown
 from robot_stack.ehmi.params import LinkParams
+from robot_stack.middleware.device_thread import DeviceThread, reason
 
 _CHUNK = 4096
 _LONGEST_WAIT_S = 1.0
@@ -26,23 +25,20 @@ class SerialPort:
     ``show`` and ``status`` may be called from any thread and do not block.
     """
 
+    errors = ()
+
     def __init__(self, port: str, baud_rate: int, params: LinkParams, wanted: Shown) -> None:
-        self._port, self._baud_rate = port, baud_rate
+        self.where, self._baud_rate = port, baud_rate
         self._link = Link(params, wanted)
         self._turn = threading.Lock()  # held for microseconds, never around an operation of the port
         self._serial: serial.Serial | None = None
-        self._wake_read, self._wake_write = os.pipe()
-        os.set_blocking(self._wake_read, False)
-        os.set_blocking(self._wake_write, False)
-        self._closing = False
-        self._thread = threading.Thread(target=self._run, name="ehmi_serial", daemon=True)
-        self._thread.start()
+        self._thread = DeviceThread(self, params.back_off_s)
 
     def show(self, wanted: Shown) -> None:
         """Raises ValueError for a setting that the display does not have."""
         with self._turn:
             self._link.show(wanted, time.monotonic())
-        self._wake()
+        self._thread.wake()
 
     def status(self) -> LinkStatus:
         with self._turn:
@@ -55,83 +51,50 @@ class SerialPort:
 
     def close(self) -> None:
         """Safe to call twice."""
-        self._closing = True
-        self._wake()
-        self._thread.join()
-
-    def _wake(self) -> None:
-        with contextlib.suppress(BlockingIOError):  # a full pipe wakes as well
-            os.write(self._wake_write, b"\0")
+        self._thread.close()
 
     # --- the thread --------------------------------------------------------------------------------------------------
 
-    def _run(self) -> None:
+    def use(self, thread: DeviceThread) -> None:
+        """Runs until ``close``: the link, which also reopens a port without answers, sets the pauses of a reopening."""
         try:
-            while not self._closing:
-                self._act()
-                self._wait()
+            while thread.running:
+                try:
+                    self._act()
+                    self._wait(thread)
+                except (OSError, ValueError) as error:
+                    problem = "cannot be opened" if self._serial is None else "is disconnected"
+                    self._drop_port()
+                    with self._turn:
+                        self._link.lost(f"{self.where} {problem}: {reason(error)}", time.monotonic())
         finally:
             self._drop_port()
 
     def _act(self) -> None:
-        now_s = time.monotonic()
         with self._turn:
-            order = self._link.step(now_s)
+            order = self._link.step(time.monotonic())
         if order.close:
             self._drop_port()
         if order.open:
-            self._open()
+            # Non-blocking both ways; exclusive: a second program on the line would take answers away.
+            self._serial = serial.Serial(self.where, self._baud_rate, timeout=0, write_timeout=0, exclusive=True)
+            with self._turn:
+                self._link.opened(time.monotonic())
         if order.data and self._serial is not None:
-            try:
-                # Bytes beyond a full output buffer are lost, as on a wire; the link sends again.
-                self._serial.write(order.data)
-            except (OSError, serial.SerialException) as error:
-                self._lost(error)
+            # Bytes beyond a full output buffer are lost, as on a wire; the link sends again.
+            self._serial.write(order.data)
 
-    def _wait(self) -> None:
+    def _wait(self, thread: DeviceThread) -> None:
         with self._turn:
             due_s = self._link.next_due_s()
-        timeout_s = min(max(0.0, due_s - time.monotonic()), _LONGEST_WAIT_S)
-        readers = [self._wake_read, *([self._serial.fileno()] if self._serial is not None else [])]
-        ready, _, _ = select.select(readers, [], [], timeout_s)
-        if self._wake_read in ready:
-            with contextlib.suppress(BlockingIOError):
-                os.read(self._wake_read, _CHUNK)
-        if self._serial is not None and self._serial.fileno() in ready:
-            self._read(self._serial)
-
-    def _read(self, port: serial.Serial) -> None:
-        try:
-            data = port.read(_CHUNK)
-        except (OSError, serial.SerialException) as error:
-            self._lost(error)
-            return
-        with self._turn:
-            self._link.received(data, time.monotonic())
-
-    def _open(self) -> None:
-        try:
-            # Non-blocking both ways; exclusive: a second program on the line would take answers away.
-            self._serial = serial.Serial(self._port, self._baud_rate, timeout=0, write_timeout=0, exclusive=True)
-        except (OSError, ValueError) as error:
+        if thread.wait(min(max(0.0, due_s - time.monotonic()), _LONGEST_WAIT_S), self._serial):
+            assert self._serial is not None
+            data = self._serial.read(_CHUNK)
             with self._turn:
-                self._link.lost(f"{self._port} cannot be opened: {_reason(error)}", time.monotonic())
-            return
-        with self._turn:
-            self._link.opened(time.monotonic())
-
-    def _lost(self, error: Exception) -> None:
-        self._drop_port()
-        with self._turn:
-            self._link.lost(f"{self._port} is disconnected: {_reason(error)}", time.monotonic())
+                self._link.received(data, time.monotonic())
 
     def _drop_port(self) -> None:
         if self._serial is not None:
             with contextlib.suppress(OSError):
                 self._serial.close()
             self._serial = None
-
-
-def _reason(error: Exception) -> str:
-    number = getattr(error, "errno", None)
-    return os.strerror(number) if number else str(error)

@@ -1,9 +1,8 @@
-"""The thread that owns a V4L2 camera: it opens, configures, reads, and reopens it after a disconnection."""
+"""A V4L2 camera: configures it and reads its frames."""
 
 from __future__ import annotations
 
 import os
-import threading
 import time
 from collections.abc import Callable
 
@@ -14,19 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.drivers.v4l2.params import V4l2CameraDriverParams
+from robot_stack.middleware.device_thread import DeviceLost, DeviceThread
 
 _MANUAL = 1  # V4L2_EXPOSURE_MANUAL
 _EXPOSURE_UNIT_S = 1e-4  # of V4L2_CID_EXPOSURE_ABSOLUTE
 _FAILURES = 3  # consecutive, each after a second of silence or at once: the device is reopened
 
 
-class CameraReader:
-    """Starts at once; ``close`` ends it. Callbacks come from its thread.
+class V4l2Device:
+    """Callbacks come from the device's thread. A pending read delays its end by up to a second.
 
     wants: called with each frame's timestamp (monotonic, s); only frames for which it returns True are copied.
-    on_frame: (bytes, timestamp). on_opened: before the first frame. ``state`` describes the device's state,
-    ``exposure`` the camera's response to the exposure setting.
+    on_frame: (bytes, timestamp). on_opened: before the first frame. ``exposure`` describes the camera's response to the
+    exposure setting.
     """
+
+    errors = ()
 
     def __init__(
         self,
@@ -37,46 +39,27 @@ class CameraReader:
         wants: Callable[[float], bool],
         on_frame: Callable[[NDArray[np.uint8], float], None],
     ) -> None:
-        self._device, self._params = device, params
+        self.where, self._params = device, params
         self._width, self._height = size
         self._on_opened, self._wants, self._on_frame = on_opened, wants, on_frame
-        self.state = f"{device} is not open yet"
         self.exposure = "unknown"
-        self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="camera_reader", daemon=True)
-        self._thread.start()
 
-    def close(self) -> None:
-        """Safe to call twice. A pending read takes up to a second."""
-        self._closing.set()
-        self._thread.join()
-
-    def _run(self) -> None:
-        while not self._closing.is_set():
-            if not os.path.exists(self._device):
-                self.state = f"{self._device} is not there"
-            else:
-                self._use()
-            self._closing.wait(self._params.reopen_s)
-
-    def _use(self) -> None:
-        capture = cv2.VideoCapture(self._device, cv2.CAP_V4L2)
+    def use(self, thread: DeviceThread) -> None:
+        if not os.path.exists(self.where):
+            raise DeviceLost("is not there")
+        capture = cv2.VideoCapture(self.where, cv2.CAP_V4L2)
         try:
             if not capture.isOpened():
-                self.state = f"{self._device} cannot be opened as a V4L2 camera"
-                return
-            problem = self._set(capture)
-            if problem:
-                self.state = f"{self._device} {problem}"
-                return
+                raise DeviceLost("cannot be opened as a V4L2 camera")
+            self._set(capture)
             self._on_opened()
-            self.state = f"{self._device} is open"
-            self._read(capture)
+            thread.report_open()
+            self._read(capture, thread)
         finally:
             capture.release()
 
-    def _set(self, capture: cv2.VideoCapture) -> str:
-        """Settings that the camera does not apply; empty if it applies all."""
+    def _set(self, capture: cv2.VideoCapture) -> None:
+        """Raises DeviceLost if the camera does not apply the settings."""
         code = cv2.VideoWriter.fourcc(*self._params.pixel_format)
         capture.set(cv2.CAP_PROP_FOURCC, code)
         capture.set(cv2.CAP_PROP_FRAME_WIDTH, self._width)
@@ -85,14 +68,13 @@ class CameraReader:
         capture.set(cv2.CAP_PROP_CONVERT_RGB, 0)
         size = round(capture.get(cv2.CAP_PROP_FRAME_WIDTH)), round(capture.get(cv2.CAP_PROP_FRAME_HEIGHT))
         if int(capture.get(cv2.CAP_PROP_FOURCC)) != code:
-            return f"does not send {self._params.pixel_format}"
+            raise DeviceLost(f"does not send {self._params.pixel_format}")
         if size != (self._width, self._height):
-            return f"sends {size[0]}x{size[1]}, the calibration is for {self._width}x{self._height}"
+            raise DeviceLost(f"sends {size[0]}x{size[1]}, the calibration is for {self._width}x{self._height}")
         rate_hz = capture.get(cv2.CAP_PROP_FPS)
         if abs(rate_hz - self._params.frame_rate_hz) > 0.02 * self._params.frame_rate_hz:
-            return f"sends {rate_hz:g} frames a second instead of {self._params.frame_rate_hz:g}"
+            raise DeviceLost(f"sends {rate_hz:g} frames a second instead of {self._params.frame_rate_hz:g}")
         self._expose(capture)
-        return ""
 
     def _expose(self, capture: cv2.VideoCapture) -> None:
         """A camera that rejects the exposure is still used: its images are blurred and their time is less exact."""
@@ -105,15 +87,13 @@ class CameraReader:
         asked_ms = 1e3 * self._params.exposure_s
         self.exposure = f"{asked_ms:g} ms" if fixed else f"the camera's own, instead of {asked_ms:g} ms"
 
-    def _read(self, capture: cv2.VideoCapture) -> None:
-        """Reads until the device is lost or silent, or closed by us."""
+    def _read(self, capture: cv2.VideoCapture, thread: DeviceThread) -> None:
         failures = 0
-        while not self._closing.is_set():
+        while thread.running:
             if not capture.grab():
                 failures += 1
-                if failures >= _FAILURES or not os.path.exists(self._device):
-                    self.state = f"{self._device} sends no frames"
-                    return
+                if failures >= _FAILURES or not os.path.exists(self.where):
+                    raise DeviceLost("sends no frames")
                 time.sleep(0.01)
                 continue
             failures = 0

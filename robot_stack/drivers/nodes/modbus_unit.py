@@ -1,9 +1,8 @@
-"""The thread that polls a Modbus device: it connects, polls regularly, and reconnects if the device is lost."""
+"""A Modbus device: polls its registers regularly."""
 
 from __future__ import annotations
 
 import logging
-import threading
 import time
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -13,6 +12,7 @@ from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
 from robot_stack.drivers.modbus.battery import Block
 from robot_stack.drivers.modbus.params import ModbusParams
+from robot_stack.middleware.device_thread import DeviceLost, DeviceThread
 
 _ILLEGAL_ADDRESS = 2  # MODBUS application protocol 1.1b3, section 7
 
@@ -32,15 +32,13 @@ class _LastWords(logging.Handler):
             self.text = record.getMessage()
 
 
-class _Lost(Exception):
-    """An invalid response of the device. The message is one line."""
+class ModbusUnit:
+    """``on_registers`` is called from the device's thread with the values by address.
 
-
-class ModbusReader:
-    """Starts at once; ``close`` ends it. ``on_registers`` is called from its thread with the values by address.
-
-    where: the device in words. serial_port: the path, if the transport is ``rtu``.
+    serial_port: the path, if the transport is ``rtu``.
     """
+
+    errors = (ModbusException,)
 
     def __init__(
         self,
@@ -51,32 +49,17 @@ class ModbusReader:
     ) -> None:
         self._params, self._serial_port, self._wanted, self._on_registers = params, serial_port, wanted, on_registers
         self.where = f"{params.host}:{params.port}" if params.transport == "tcp" else serial_port
-        self.state = f"{self.where} is not open yet"
-        self.opened = 0
         self._log = _LastWords()
-        self._closing = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="modbus_reader", daemon=True)
-        self._thread.start()
 
-    def close(self) -> None:
-        """Safe to call twice."""
-        self._closing.set()
-        self._thread.join()
-
-    def _run(self) -> None:
-        while not self._closing.is_set():
-            client = self._client()
-            try:
-                if not client.connect():
-                    raise _Lost(f"cannot be opened: {self._log.text}")
-                self.opened += 1
-                self.state = f"{self.where} is open"
-                self._poll(client)
-            except (ModbusException, OSError, _Lost) as error:
-                self.state = f"{self.where}: {error}"
-            finally:
-                client.close()
-            self._closing.wait(self._params.reopen_s)
+    def use(self, thread: DeviceThread) -> None:
+        client = self._client()
+        try:
+            if not client.connect():
+                raise DeviceLost(f"cannot be opened: {self._log.text}")
+            thread.report_open()
+            self._poll(client, thread)
+        finally:
+            client.close()
 
     def _client(self) -> Any:
         params = self._params
@@ -91,15 +74,15 @@ class ModbusReader:
             retries=0,
         )
 
-    def _poll(self, client: Any) -> None:
-        """Polls until the device is lost (an exception) or we close."""
+    def _poll(self, client: Any, thread: DeviceThread) -> None:
         next_s, wanted = time.monotonic(), self._wanted
-        while not self._closing.wait(max(0.0, next_s - time.monotonic())):
+        while thread.running:
             next_s = max(next_s + self._params.poll_s, time.monotonic())
             answers = {block: self._ask(client, block) for block in wanted}
             # A device rejects a whole block with one register that it lacks: from then on each is requested separately.
             wanted = [one for block, answer in answers.items() for one in ([block] if answer else block.singles())]
             self._on_registers({address: value for answer in answers.values() for address, value in answer.items()})
+            thread.wait(max(0.0, next_s - time.monotonic()))
 
     def _ask(self, client: Any, block: Block) -> dict[int, int]:
         """Empty if the device does not have these registers."""
@@ -108,7 +91,7 @@ class ModbusReader:
             code = getattr(answer, "exception_code", None)
             if code == _ILLEGAL_ADDRESS:
                 return {}
-            raise _Lost(f"register {block.first} is refused with exception {code}")
+            raise DeviceLost(f"rejects register {block.first} with exception {code}")
         if len(answer.registers) != block.size:
-            raise _Lost(f"register {block.first}: {len(answer.registers)} values came, expected {block.size}")
+            raise DeviceLost(f"sends {len(answer.registers)} values from register {block.first}, expected {block.size}")
         return dict(zip(range(block.first, block.first + block.size), answer.registers, strict=True))

@@ -1,0 +1,104 @@
+"""A thread that owns a device: it opens and uses the device, reports the problem of a loss, and reopens it."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import select
+import threading
+import time
+from typing import Protocol
+
+
+class DeviceLost(Exception):
+    """The device cannot be used or is lost. The message continues the name of the device, e.g. "sends no frames"."""
+
+
+class HasFileno(Protocol):
+    """A file, socket or serial port."""
+
+    def fileno(self) -> int: ...
+
+
+class Device(Protocol):
+    """where: the device in words. errors: what its library raises for a loss besides OSError and ValueError."""
+
+    @property
+    def where(self) -> str: ...
+
+    @property
+    def errors(self) -> tuple[type[Exception], ...]: ...
+
+    def use(self, thread: DeviceThread) -> None:
+        """Opens the device, calls ``thread.report_open``, uses it while ``thread.running``, and closes it.
+
+        Raises DeviceLost, OSError, ValueError or one of ``errors`` if the device cannot be opened or is lost. ``close``
+        of the thread takes as long as the longest blocking call between two looks at ``thread.running``.
+        """
+        ...
+
+
+class DeviceThread:
+    """Calls ``use`` of the device, again ``reopen_s`` after each loss. Starts at once; ``close`` ends it.
+
+    state: of the device in words. opened: number of times that the device was opened.
+    """
+
+    def __init__(self, device: Device, reopen_s: float) -> None:
+        self._device, self._reopen_s = device, reopen_s
+        self.state = f"{device.where} is not open yet"
+        self.opened = 0
+        self.running = True
+        self._wake = os.eventfd(0, os.EFD_NONBLOCK)
+        self._thread = threading.Thread(target=self._run, name=type(device).__name__, daemon=True)
+        self._thread.start()
+
+    def close(self) -> None:
+        """Safe to call twice."""
+        if self.running:
+            self.running = False
+            os.eventfd_write(self._wake, 1)
+            self._thread.join()
+            os.close(self._wake)
+
+    def wake(self) -> None:
+        """Ends ``wait``. Without effect after ``close``, called from the same thread."""
+        if self.running:
+            os.eventfd_write(self._wake, 1)
+
+    # --- in the thread -----------------------------------------------------------------------------------------------
+
+    def report_open(self) -> None:
+        self.opened += 1
+        self.state = f"{self._device.where} is open"
+
+    def wait(self, duration_s: float | None, file: HasFileno | int | None = None) -> bool:
+        """True if ``file`` has data; False after ``duration_s`` (None: unlimited), or once ``wake`` was called."""
+        ready, _, _ = select.select([self._wake, *([] if file is None else [file])], [], [], duration_s)
+        if self._wake in ready:
+            os.eventfd_read(self._wake)
+        return file in ready
+
+    def _run(self) -> None:
+        losses: tuple[type[Exception], ...] = (OSError, ValueError, *self._device.errors)
+        while self.running:
+            try:
+                self._device.use(self)
+            except DeviceLost as lost:
+                self.state = f"{self._device.where} {lost}"
+            except losses as error:
+                self.state = f"{self._device.where}: {reason(error)}"
+            self._pause()
+
+    def _pause(self) -> None:
+        end_s = time.monotonic() + self._reopen_s
+        while self.running and (left_s := end_s - time.monotonic()) > 0.0:
+            self.wait(left_s)
+
+
+def reason(error: Exception) -> str:
+    """The text of an error; of one of the operating system without number and path."""
+    number = getattr(error, "errno", None)
+    with contextlib.suppress(TypeError, ValueError):
+        return os.strerror(number) if number else str(error)
+    return str(error)
