@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import os
-import tempfile
 from pathlib import Path
 
 import yaml
 
-from robot_stack.core.atomic_file import sync_folder
+from robot_stack.core.atomic_file import create_file, replace_file
 from robot_stack.core.mission import Mission
 
 
@@ -41,11 +39,12 @@ class OwnMissions:
         if was:
             self._require(was, revision)
         if mission.id == was:
-            _write(self.path(was), mission, replace=True)
+            replace_file(self.path(was), _content(mission))
             return
         self.require_free(mission.id, was)
+        self.folder.mkdir(parents=True, exist_ok=True)
         try:
-            _write(self.path(mission.id), mission, replace=False)
+            create_file(self.path(mission.id), _content(mission))
         except FileExistsError:
             raise MissionTaken(mission.id) from None
         if was:
@@ -75,20 +74,6 @@ def revision_of(path: Path) -> str:
         return ""
 
 
-def _write(path: Path, mission: Mission, *, replace: bool) -> None:
-    """Writes atomically, also if the power fails. Raises FileExistsError unless ``replace``."""
-    text = yaml.safe_dump(mission.model_dump(mode="json"), allow_unicode=True, sort_keys=False, default_flow_style=None)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=".mission-")
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        if replace:
-            os.replace(name, path)
-        else:
-            os.link(name, path)  # unlike a rename, this never replaces another file
-    finally:
-        Path(name).unlink(missing_ok=True)
-    sync_folder(path.parent)
+def _content(mission: Mission) -> str:
+    data = mission.model_dump(mode="json")
+    return yaml.safe_dump(data, allow_unicode=True, sort_keys=False, default_flow_style=None)

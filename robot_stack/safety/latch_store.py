@@ -27,7 +27,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_stack.contract import faults
-from robot_stack.core.atomic_file import sync_folder
+from robot_stack.core.atomic_file import replace_file, sync_folder
 from robot_stack.core.runtime import only_own
 from robot_stack.core.worker import Worker
 from robot_stack.safety.monitor import ESTOP_PRESSED, Memory
@@ -131,7 +131,7 @@ class LatchStore:
         self._saved = memory
         record = Record(self._newest.generation + 1, memory)
         try:
-            _replace(self._shadow, encode(record))
+            replace_file(self._shadow, encode(record), durable=False, mode=0o600)
             self._shadow_problem = ""
         except OSError as error:
             self._shadow_problem = str(error)
@@ -239,10 +239,3 @@ def _write_through(path: Path, data: bytes) -> None:
         os.close(descriptor)
     if made:
         sync_folder(path.parent)
-
-
-def _replace(path: Path, data: bytes) -> None:
-    beside = path.with_name(f"{path.name}.new")
-    with open(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600), "wb") as file:
-        file.write(data)
-    os.replace(beside, path)

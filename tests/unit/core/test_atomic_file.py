@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from robot_stack.core.atomic_file import replace_file, sync_folder
+from robot_stack.core.atomic_file import create_file, replace_file, sync_folder
 
 
 @pytest.mark.parametrize("content", ["neu: ä\n", b"\x00\xff"])
@@ -57,6 +57,21 @@ def test_content_is_on_the_disk_before_the_name_and_the_name_on_return(
     order.clear()
     replace_file(tmp_path / "fast", "x", durable=False)
     assert order == ["replace"]
+
+
+def test_new_file_never_replaces_another(tmp_path: Path) -> None:
+    path = tmp_path / "state.yaml"
+    create_file(path, "first")
+    with pytest.raises(FileExistsError):
+        create_file(path, "second")
+    assert path.read_text() == "first"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_mode_of_the_new_file(tmp_path: Path) -> None:
+    path = tmp_path / "secret"
+    replace_file(path, "x", mode=0o600)
+    assert path.stat().st_mode & 0o777 == 0o600
 
 
 def test_missing_folder_is_an_error(tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from robot_stack.core import own_missions
 from robot_stack.core.mission import Mission
 from robot_stack.core.mission_library import MissionError, MissionLibrary, judge, mission_library, read_mission
 from robot_stack.core.own_missions import MissionChanged, MissionTaken, OwnMissions, revision_of
@@ -120,7 +119,7 @@ def test_a_disk_that_fails_leaves_the_old_file(own: OwnMissions, monkeypatch: py
     def full(_: int) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(own_missions.os, "fsync", full)
+    monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(OSError, match="No space"):
         own.save(mission(name="Second"), "tour", revision_of(own.path("tour")))
     assert read_mission(own.path("tour")).name.en == "Tour"
