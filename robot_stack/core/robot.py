@@ -93,8 +93,8 @@ class Latch(Config):
 
     @model_validator(mode="after")
     def _bits_differ(self) -> Latch:
-        if self.close_output_bit == self.open_output_bit or self.closed_input_bit == self.open_input_bit:
-            raise ValueError("the bits of one direction must differ")
+        if self.close_output_bit == self.open_output_bit:
+            raise ValueError("the output bits must differ")
         return self
 
 
@@ -116,13 +116,6 @@ class SafetyEdge(Config):
     trigger_m: Positive
     travel_m: Positive
     stiffness_n_per_m: Positive
-
-    @model_validator(mode="after")
-    def _bits_differ(self) -> SafetyEdge:
-        bits = [*self.side_bits.values(), self.relay_input_bit]
-        if len(set(bits)) != len(bits):
-            raise ValueError(f"the input bits of the sides and of the relay must differ, are {bits}")
-        return self
 
     @property
     def side_bits(self) -> dict[str, int]:
@@ -224,20 +217,20 @@ class Robot(Config):
 
     @model_validator(mode="after")
     def _inputs_differ(self) -> Robot:
-        latch = (self.latch.closed_input_bit, self.latch.open_input_bit)
-        if self.latch.byte == self.estop_input_byte and self.estop_input_bit in latch:
-            raise ValueError("latch: its input bits must differ from estop_input_bit")
-        edge = self.safety_edge
-        if edge is None:
-            return self
-        taken = {(self.estop_input_byte, self.estop_input_bit): "estop_input_bit"}
-        taken |= {(self.latch.byte, bit): "an input bit of latch" for bit in latch}
-        for name, bit in (*edge.side_bits.items(), ("relay", edge.relay_input_bit)):
-            if (edge.byte, bit) in taken:
-                raise ValueError(
-                    f"safety_edge: {name}_input_bit {bit} of byte {edge.byte} is {taken[edge.byte, bit]} too; "
-                    "each input needs a bit of its own"
-                )
+        latch, edge = self.latch, self.safety_edge
+        inputs = [
+            ("estop_input_bit", self.estop_input_byte, self.estop_input_bit),
+            ("latch.closed_input_bit", latch.byte, latch.closed_input_bit),
+            ("latch.open_input_bit", latch.byte, latch.open_input_bit),
+        ]
+        if edge is not None:
+            bits = {**edge.side_bits, "relay": edge.relay_input_bit}
+            inputs += [(f"safety_edge.{name}_input_bit", edge.byte, bit) for name, bit in bits.items()]
+        taken: dict[tuple[int, int], str] = {}
+        for name, byte, bit in inputs:
+            first = taken.setdefault((byte, bit), name)
+            if first != name:
+                raise ValueError(f"{name} {bit} of byte {byte} is {first} too; each input needs a bit of its own")
         return self
 
     @model_validator(mode="after")

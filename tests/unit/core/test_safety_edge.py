@@ -44,12 +44,12 @@ def test_a_robot_without_an_edge_is_valid(tmp_path: Path, monkeypatch: pytest.Mo
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"rear_input_bit": 0}, r"input bits of the sides and of the relay must differ, are \[0, 0, 2, 3, 4\]"),
-        ({"relay_input_bit": 3}, "input bits of the sides and of the relay must differ"),
+        ({"rear_input_bit": 0}, "safety_edge.rear_input_bit 0 of byte 1 is safety_edge.front_input_bit too"),
+        ({"relay_input_bit": 3}, "safety_edge.relay_input_bit 3 of byte 1 is safety_edge.right_input_bit too"),
         ({"byte": 0}, "front_input_bit 0 of byte 0 is estop_input_bit too"),
         (
             {"byte": 0, "front_input_bit": 5, "rear_input_bit": 2, "left_input_bit": 6},
-            "rear_input_bit 2 of byte 0 is an input bit of latch too",
+            "rear_input_bit 2 of byte 0 is latch.open_input_bit too",
         ),
         ({"byte": 0, "front_input_bit": 7, "rear_input_bit": 6, "left_input_bit": 5}, None),
         ({"front_input_bit": 8}, "front_input_bit"),
