@@ -10,6 +10,9 @@ from collections import deque
 from dataclasses import dataclass
 from enum import Enum
 
+from robot_stack.contract.model import Process
+from robot_stack.supervisor.params import SupervisorParams
+
 WINDOW_S = 60.0  # max_restarts of the contract's process rows counts within this time
 EXIT_REFUSED = 2  # a mistake in configuration or use: starting again will not help
 
@@ -36,25 +39,12 @@ RUNNING = (State.STARTING, State.WAITING, State.READY, State.HUNG, State.RESTART
 _ENDING = (State.HUNG, State.RESTARTING)
 
 
-@dataclass(frozen=True, slots=True)
-class Limits:
-    """The rules for one process; see SupervisorParams for the meaning of each. All but max_restarts in seconds."""
-
-    hang_after_s: float
-    construction_limit_s: float
-    stable_after_s: float
-    hung_kill_s: float
-    backoff_first_s: float
-    backoff_factor: float
-    backoff_longest_s: float
-    max_restarts: int
-
-
 class Lifecycle:
     """One process. Times are steady seconds."""
 
-    def __init__(self, limits: Limits) -> None:
-        self._limits = limits
+    def __init__(self, row: Process, params: SupervisorParams) -> None:
+        self._params, self._max_restarts = params, row.max_restarts
+        self._backoff = params.backoff[row.criticality]
         self.state = State.STOPPED
         self.reason = ""  # why it is not ready, for people
         self.restarts = 0
@@ -78,7 +68,7 @@ class Lifecycle:
         self._crashes.clear()
         self._tries = 0
         if self.state in RUNNING:  # the caller interrupts it; it is killed should it not end
-            self.state, self.reason, self._due_s = State.RESTARTING, "restart", now_s + self._limits.hung_kill_s
+            self.state, self.reason, self._due_s = State.RESTARTING, "restart", now_s + self._params.hung_kill_s
         else:
             self.state, self.reason, self._due_s = State.BACKOFF, "about to start", now_s
 
@@ -106,7 +96,7 @@ class Lifecycle:
         if self.state is State.RESTARTING:
             self.state, self.reason, self._due_s = State.BACKOFF, "about to start", now_s
             return
-        if now_s - self._started_s >= self._limits.stable_after_s:
+        if now_s - self._started_s >= self._params.stable_after_s:
             self._tries = 0
         how = f"was ended by signal {-code}" if code < 0 else f"exited with code {code}"
         if self.state is State.HUNG:
@@ -117,13 +107,10 @@ class Lifecycle:
         self._crashes.append(now_s)
         while self._crashes and now_s - self._crashes[0] > WINDOW_S:
             self._crashes.popleft()
-        if len(self._crashes) > self._limits.max_restarts:
+        if len(self._crashes) > self._max_restarts:
             self._give_up(f"{how}, the {len(self._crashes)}th time within {WINDOW_S:.0f} s")
             return
-        delay_s = min(
-            self._limits.backoff_longest_s,
-            self._limits.backoff_first_s * self._limits.backoff_factor**self._tries,
-        )
+        delay_s = min(self._backoff.longest_s, self._backoff.first_s * self._backoff.factor**self._tries)
         self._tries += 1
         self.state, self.reason = State.BACKOFF, f"{how}; restart in {delay_s:g} s"
         self._due_s = now_s + delay_s
@@ -154,7 +141,7 @@ class Lifecycle:
         return now_s - since_s - self._starved_s > self._silence_limit_s()
 
     def _silence_limit_s(self) -> float:
-        return self._limits.hang_after_s if self._been_ready else self._limits.construction_limit_s
+        return self._params.hang_after_s if self._been_ready else self._params.construction_limit_s
 
     def order(self, now_s: float, judge: bool = True) -> Order:
         """The order for this tick. ``judge`` False: silence does not count at present."""
@@ -163,13 +150,13 @@ class Lifecycle:
                 self.restarts += 1
             return Order.START
         if self.state in _ENDING and now_s >= self._due_s:
-            self._due_s = now_s + self._limits.hung_kill_s  # again, should the kernel be slow
+            self._due_s = now_s + self._params.hung_kill_s  # again, should the kernel be slow
             return Order.KILL
         if judge and self.silent(now_s):
             before = "" if self._been_ready else f"; it was never ready: {self.reason}"
             self.state = State.HUNG
             self.reason = f"hung: no heartbeat for {self._silence_limit_s():g} s{before}"
-            self._due_s = now_s + self._limits.hung_kill_s
+            self._due_s = now_s + self._params.hung_kill_s
             return Order.TERMINATE
         return Order.NONE
 

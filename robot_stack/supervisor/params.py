@@ -6,10 +6,9 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from robot_stack.contract.model import Criticality, Process
+from robot_stack.contract.model import Criticality
 from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.config import Config, load
-from robot_stack.supervisor.lifecycle import Limits
 
 Positive = Annotated[float, Field(gt=0.0)]
 
@@ -62,21 +61,6 @@ class SupervisorParams(Config):
         if self.terminate_s <= self.interrupt_s:
             raise ValueError("terminate_s must be greater than interrupt_s")
         return self
-
-
-def limits_of(row: Process, params: SupervisorParams) -> Limits:
-    """The rules for one process of the contract."""
-    backoff = params.backoff[row.criticality]
-    return Limits(
-        hang_after_s=params.hang_after_s,
-        construction_limit_s=params.construction_limit_s,
-        stable_after_s=params.stable_after_s,
-        hung_kill_s=params.hung_kill_s,
-        backoff_first_s=backoff.first_s,
-        backoff_factor=backoff.factor,
-        backoff_longest_s=backoff.longest_s,
-        max_restarts=row.max_restarts,
-    )
 
 
 def load_params() -> SupervisorParams:

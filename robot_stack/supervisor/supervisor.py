@@ -23,7 +23,7 @@ from robot_stack.supervisor.fleet import Fleet
 from robot_stack.supervisor.keys import VERBS, Keys
 from robot_stack.supervisor.lifecycle import RUNNING, Lifecycle, Order, StartQueue, State, judged
 from robot_stack.supervisor.node_thread import NodeThread
-from robot_stack.supervisor.params import SupervisorParams, limits_of
+from robot_stack.supervisor.params import SupervisorParams
 from robot_stack.supervisor.profile import Plan
 from robot_stack.supervisor.starvation import Starvation
 
@@ -53,7 +53,7 @@ class Supervisor:
             str, tuple[int, int, str]
         ] = {}  # by process: its id, heartbeats and text, as taken last
         self._rows = {process.name: process for process in plan.processes}
-        self._lives = {name: Lifecycle(limits_of(row, params)) for name, row in self._rows.items()}
+        self._lives = {name: Lifecycle(row, params) for name, row in self._rows.items()}
         clock_sources = [p.name for p in plan.processes if set(p.nodes) & set(topics.CLOCK.publishers)]
         self._queue = StartQueue(params.start_at_once, frozenset(clock_sources if plan.use_sim_time else ()))
         self._selector = selectors.DefaultSelector()

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from robot_stack.contract.model import Process as Row
 from robot_stack.core.node_record import NodeRecords
 from robot_stack.supervisor.lifecycle import Lifecycle, Order, State, judged
-from robot_stack.supervisor.params import limits_of, load_params
+from robot_stack.supervisor.params import load_params
 from sim.scheduler.observers import LifeChange, Observer
 from sim.scheduler.process import Process
 from sim.scheduler.scheduler import Scheduler
@@ -61,7 +61,7 @@ class Supervision(Observer):
 
     def _begin(self, rows: Sequence[Row]) -> None:
         for row in rows:
-            life = self._lives[row.name] = Lifecycle(limits_of(row, self._params))
+            life = self._lives[row.name] = Lifecycle(row, self._params)
             life.wanted(self._scheduler.now_s)
 
     def on_life_change(self, time_ns: int, process: str, change: LifeChange) -> None:

@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_stack.supervisor.lifecycle import RUNNING, Lifecycle, Limits, Order, StartQueue, State, judged
+from robot_stack.contract.model import Criticality, Process
+from robot_stack.supervisor.lifecycle import RUNNING, Lifecycle, Order, StartQueue, State, judged
+from robot_stack.supervisor.params import Backoff, load_params
 
-LIMITS = Limits(
-    hang_after_s=3.0,
-    construction_limit_s=120.0,
-    stable_after_s=60.0,
-    hung_kill_s=2.0,
-    backoff_first_s=1.0,
-    backoff_factor=2.0,
-    backoff_longest_s=5.0,
-    max_restarts=3,
+PARAMS = load_params().model_copy(
+    update={
+        "hang_after_s": 3.0,
+        "construction_limit_s": 120.0,
+        "stable_after_s": 60.0,
+        "hung_kill_s": 2.0,
+        "backoff": {Criticality.CRITICAL: Backoff(first_s=1.0, factor=2.0, longest_s=5.0)},
+    }
 )
+ROW = Process("node", None, Criticality.CRITICAL, "", ("node",), max_restarts=3)
 
 
-def started(now_s: float = 0.0, limits: Limits = LIMITS) -> Lifecycle:
-    life = Lifecycle(limits)
+def started(now_s: float = 0.0) -> Lifecycle:
+    life = Lifecycle(ROW, PARAMS)
     life.wanted(now_s)
     assert life.order(now_s) is Order.START
     life.started(now_s)
@@ -59,7 +63,7 @@ def test_heartbeat_sets_waiting_and_ready_state() -> None:
 
 
 def test_crash_restarts_with_growing_delay_up_to_the_longest() -> None:
-    life = Lifecycle(Limits(3.0, 15.0, 60.0, 2.0, 1.0, 2.0, 5.0, max_restarts=10))
+    life = Lifecycle(replace(ROW, max_restarts=10), PARAMS)
     life.wanted(0.0)
     now_s, delays = 0.0, []
     assert life.order(now_s) is Order.START
@@ -234,7 +238,7 @@ def test_stopped_stays_stopped() -> None:
 )
 def test_never_more_starts_in_a_minute_than_allowed(events: list[tuple[float, str]]) -> None:
     """For any events: between the operator's restarts, at most max_restarts + 1 starts fall into any minute."""
-    life, now_s, alive, starts = Lifecycle(LIMITS), 0.0, False, []
+    life, now_s, alive, starts = Lifecycle(ROW, PARAMS), 0.0, False, []
     life.wanted(0.0)
     for later_s, event in [(0.0, "order"), *events]:
         now_s += later_s
@@ -253,7 +257,7 @@ def test_never_more_starts_in_a_minute_than_allowed(events: list[tuple[float, st
             alive = False
             life.exited(now_s, {"exit0": 0, "exit1": 1, "refuse": 2, "kill": -9}[event])
         assert (life.state in RUNNING) == alive
-        assert len([s for s in starts if now_s - s <= 60.0]) <= LIMITS.max_restarts + 1
+        assert len([s for s in starts if now_s - s <= 60.0]) <= ROW.max_restarts + 1
 
 
 class TestJudged:
@@ -274,7 +278,7 @@ class TestStartQueue:
 
     @staticmethod
     def wanted() -> Lifecycle:
-        life = Lifecycle(LIMITS)
+        life = Lifecycle(ROW, PARAMS)
         life.wanted(0.0)
         return life
 
