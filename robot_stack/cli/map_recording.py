@@ -14,7 +14,7 @@ from robot_stack.cli.errors import WRONG_USE, CommandError
 from robot_stack.cli.recordings import Recorded, read_messages, recording_files
 from robot_stack.contract import topics
 from robot_stack.core.config import read_yaml
-from robot_stack.core.geometry import planar_pose
+from robot_stack.core.geometry import planar_pose, tilt_from_quaternion
 from robot_stack.core.point_cloud import SWEEP, Points
 from robot_stack.core.robot import Robot
 from robot_stack.mapping.collector import Collector
@@ -105,16 +105,11 @@ def feed(collector: Collector, item: Recorded) -> None:
     elif item.topic == topics.IMU.name:
         # REP 145: -1 in the first element of the covariance means no orientation.
         there = message.orientation_covariance[0] != -1.0
-        roll, pitch = _tilt(message.orientation) if there else (math.nan, math.nan)
+        q = message.orientation
+        roll, pitch = tilt_from_quaternion(q.x, q.y, q.z, q.w) if there else (math.nan, math.nan)
         collector.imu(stamp_s, roll, pitch, message.angular_velocity.z)
     else:
         collector.sweep(stamp_s, points_of(message))
-
-
-def _tilt(q: Any) -> tuple[float, float]:
-    """(roll, pitch) of a quaternion, yaw first in the z-y-x convention."""
-    roll = math.atan2(2.0 * (q.w * q.x + q.y * q.z), 1.0 - 2.0 * (q.x * q.x + q.y * q.y))
-    return roll, math.asin(max(-1.0, min(1.0, 2.0 * (q.w * q.y - q.z * q.x))))
 
 
 def points_of(message: Any) -> Points:

@@ -88,6 +88,12 @@ def yaw_from_quaternion(x: float, y: float, z: float, w: float) -> float:
     return math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
 
 
+def tilt_from_quaternion(x: float, y: float, z: float, w: float) -> tuple[float, float]:
+    """(roll, pitch) of a unit quaternion in the convention of ``yaw_from_quaternion``, rad; pitch in [-pi/2, pi/2]."""
+    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
+    return roll, math.asin(min(1.0, max(-1.0, 2.0 * (w * y - z * x))))
+
+
 class Vector(Protocol):
     """As of geometry_msgs: x, y in m."""
 

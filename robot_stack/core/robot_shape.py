@@ -180,7 +180,7 @@ def _angle(joints: Mapping[str, float], name: str) -> float:
 
 
 def quaternion_of(pose: Matrix) -> tuple[float, float, float, float]:
-    """x, y, z, w of the rotation in a pose; w >= 0."""
+    """x, y, z, w of a rotation (3, 3), or of that in a pose (4, 4); w >= 0."""
     x, y, z, w = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True)
     return float(x), float(y), float(z), float(w)
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-
+from robot_stack.core.geometry import tilt_from_quaternion
 from robot_stack.perception.deskew import Attitude
 
 _UNIT_TOLERANCE = 0.01
@@ -17,6 +16,4 @@ def attitude_of(x: float, y: float, z: float, w: float) -> Attitude | None:
     norm2 = x * x + y * y + z * z + w * w
     if not abs(norm2 - 1.0) < _UNIT_TOLERANCE:
         return None
-    roll = math.atan2(2.0 * (w * x + y * z), 1.0 - 2.0 * (x * x + y * y))
-    pitch = math.asin(min(1.0, max(-1.0, 2.0 * (w * y - z * x))))
-    return Attitude(roll, pitch)
+    return Attitude(*tilt_from_quaternion(x, y, z, w))

@@ -10,14 +10,15 @@ import numpy as np
 from geometry_msgs.msg import TransformStamped
 from numpy.typing import NDArray
 from pydantic import Field
-from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import CameraInfo, Image
 
 from robot_stack.contract import frames, services, topics
 from robot_stack.contract.model import Topic
-from robot_stack.core.camera import camera_file, load_intrinsics, mounting
+from robot_stack.core.camera import camera_file, load_intrinsics
+from robot_stack.core.camera import mounting as camera_mounting
 from robot_stack.core.config import Config
 from robot_stack.core.docks import Docks, load_docks
+from robot_stack.drivers.nodes.mounting import mounting
 from robot_stack.middleware.conversions import camera_info, time_from_s
 from robot_stack.middleware.node import StackNode, run
 from robot_stack.middleware.port import Publisher
@@ -134,7 +135,7 @@ class CameraDriverNode(StackNode):
         for index, (name, (frame, image_row, info_row)) in enumerate(_ROWS.items()):
             calibrated = load_intrinsics(camera_file(frame))
             random = np.random.default_rng([self.params.seed, index])
-            camera = draw_camera(frame, calibrated, mounting(self.robot, frame), params, random)
+            camera = draw_camera(frame, calibrated, camera_mounting(self.robot, frame), params, random)
             renderer = Renderer(camera, self._docks, params, random, scenery)
             shutter = params.shutter
             margin_s = 0.5 * (calibrated.height * shutter.row_time_s + shutter.exposure_s)
@@ -151,13 +152,9 @@ class CameraDriverNode(StackNode):
 
     def _mounting(self, frame: str) -> TransformStamped:
         """The nominal mounting, without the simulated camera's mounting error."""
-        pose = mounting(self.robot, frame)
-        message = TransformStamped(child_frame_id=frame)
-        message.header.frame_id, message.header.stamp = frames.BASE_LINK, self.stamp()
-        place, q = message.transform.translation, message.transform.rotation
-        place.x, place.y, place.z = pose[:3, 3].tolist()
-        q.x, q.y, q.z, q.w = Rotation.from_matrix(pose[:3, :3]).as_quat(canonical=True).tolist()
-        return message
+        pose = camera_mounting(self.robot, frame)
+        x, y, z = pose[:3, 3].tolist()
+        return mounting(frame, (x, y, z), pose[:3, :3], self.stamp())
 
 
 def _picture(camera: _Camera, time_s: float, motion: Motion | None, conditions: Conditions) -> bytes:

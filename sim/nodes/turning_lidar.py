@@ -11,12 +11,11 @@ from geometry_msgs.msg import TransformStamped
 from numpy.typing import NDArray
 from pydantic import Field
 
-from robot_stack.contract import frames, topics
+from robot_stack.contract import topics
 from robot_stack.contract.model import Service
 from robot_stack.core.config import Config
 from robot_stack.core.point_cloud import SWEEP, Points
-from robot_stack.core.range_sensor import RangeSensor
-from robot_stack.core.robot_shape import quaternion_of
+from robot_stack.drivers.nodes.mounting import mounting
 from robot_stack.middleware.conversions import time_from_s
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.point_cloud import cloud_message
@@ -135,12 +134,5 @@ class TurningLidar(StackNode):
 
     def _mounting(self) -> TransformStamped:
         """The nominal mounting, as used by the stack."""
-        nominal: RangeSensor = self.robot.range_sensors[self.sensor]
-        message = TransformStamped(child_frame_id=self.sensor)
-        message.header.frame_id, message.header.stamp = frames.BASE_LINK, self.stamp()
-        place, turned = message.transform.translation, message.transform.rotation
-        place.x, place.y, place.z = nominal.xyz_m
-        pose = np.eye(4)
-        pose[:3, :3] = self.robot.sensor_frame(self.sensor)
-        turned.x, turned.y, turned.z, turned.w = quaternion_of(pose)
-        return message
+        robot, sensor = self.robot, self.sensor
+        return mounting(sensor, robot.range_sensors[sensor].xyz_m, robot.sensor_frame(sensor), self.stamp())

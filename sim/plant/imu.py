@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.geometry import yaw_from_quaternion
 from sim.parameters import Imu
 
 Quaternion = tuple[float, float, float, float]
@@ -114,7 +115,7 @@ class ImuModel:
         if self._inclination[0] != 1.0:
             w, x, y, z = _product(self._inclination, (w, x, y, z))
         if self._heading_at_start is None:
-            self._heading_at_start = math.atan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+            self._heading_at_start = yaw_from_quaternion(x, y, z, w)
         turn = 0.5 * (self._heading_error - self._heading_at_start)
         leveled = _product((math.cos(turn), 0.0, 0.0, math.sin(turn)), (w, x, y, z))
         roll, pitch = self._attitude_error.tolist()

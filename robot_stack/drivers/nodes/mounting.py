@@ -19,7 +19,5 @@ def mounting(
     transform.header.frame_id, transform.header.stamp = frames.BASE_LINK, stamp
     place, turned = transform.transform.translation, transform.transform.rotation
     place.x, place.y, place.z = xyz_m
-    pose = np.eye(4)
-    pose[:3, :3] = rotation
-    turned.x, turned.y, turned.z, turned.w = quaternion_of(pose)
+    turned.x, turned.y, turned.z, turned.w = quaternion_of(rotation)
     return transform
