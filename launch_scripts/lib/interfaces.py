@@ -8,8 +8,8 @@ from pathlib import Path
 
 from steps import run_logged
 
-PACKAGES = ("custom_msgs", "wmx_ros2_message", "control_msgs", "tf2_msgs")
-PROVIDED_UPSTREAM = ("control_msgs", "tf2_msgs")
+PACKAGES = ("custom_msgs", "wmx_ros2_message", "control_msgs", "nav2_msgs", "tf2_msgs")
+PROVIDED_UPSTREAM = ("control_msgs", "nav2_msgs", "tf2_msgs")
 PROJECT_INCLUDE = Path(__file__).with_name("interface_build.cmake")
 
 

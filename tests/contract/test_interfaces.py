@@ -113,7 +113,7 @@ CONSTANTS = {
 
 INTERFACE_FILES = sorted(
     path
-    for package in ("custom_msgs", "wmx_ros2_message", "control_msgs", "tf2_msgs")
+    for package in ("custom_msgs", "wmx_ros2_message", "control_msgs", "nav2_msgs", "tf2_msgs")
     for kind in ("msg", "srv", "action")
     for path in (ROOT / package / kind).glob(f"*.{kind}")
 )

@@ -24,11 +24,16 @@ def test_types_of_upstream_packages_have_upstreams_hashes(package: str) -> None:
     assert {name: present.get(name) for name in expected} == expected
 
 
-def test_follow_joint_trajectory_and_tf_are_locked() -> None:
+def test_the_upstream_types_of_the_stack_are_locked() -> None:
     """The upstream types that the stack needs."""
     names = locked(UPSTREAM_LOCK)
 
-    assert {"control_msgs/action/FollowJointTrajectory", "tf2_msgs/msg/TFMessage"} <= set(names)
+    needed = {
+        "control_msgs/action/FollowJointTrajectory",
+        "nav2_msgs/action/NavigateToPose",
+        "tf2_msgs/msg/TFMessage",
+    }
+    assert needed <= set(names)
     assert all(value.startswith("RIHS01_") and len(value) == len("RIHS01_") + 64 for value in names.values())
 
 

@@ -13,7 +13,7 @@ import sys
 from pathlib import Path
 
 OWN_PACKAGES = ("custom_msgs", "wmx_ros2_message")
-UPSTREAM_PACKAGES = ("control_msgs", "tf2_msgs")
+UPSTREAM_PACKAGES = ("control_msgs", "nav2_msgs", "tf2_msgs")
 OWN_LOCK = Path(__file__).with_name("type_hashes_own.json")
 UPSTREAM_LOCK = Path(__file__).with_name("type_hashes_upstream.json")
 

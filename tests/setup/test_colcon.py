@@ -14,7 +14,7 @@ from robot_stack.core.wheels_env import ros_environment
 
 ROOT = Path(__file__).resolve().parents[2]
 PREFIX = Path(sys.prefix)
-PACKAGES = ("control_msgs", "custom_msgs", "robot_stack", "tf2_msgs", "wmx_ros2_message")
+PACKAGES = ("control_msgs", "custom_msgs", "nav2_msgs", "robot_stack", "tf2_msgs", "wmx_ros2_message")
 PROJECT_INCLUDE = Path(__file__).with_name("colcon_build.cmake")
 
 
@@ -65,8 +65,10 @@ def test_colcon_finds_the_packages_in_the_repository() -> None:
 def test_messages_of_the_install_space_serialize(workspace: Path) -> None:
     program = """
 from rclpy.serialization import deserialize_message, serialize_message
-import control_msgs.action, custom_msgs.msg, tf2_msgs.msg, wmx_ros2_message.srv
-print(custom_msgs.__file__, control_msgs.__file__, tf2_msgs.__file__, wmx_ros2_message.__file__)
+import control_msgs.action, custom_msgs.msg, nav2_msgs.action, tf2_msgs.msg, wmx_ros2_message.srv
+for package in (custom_msgs, control_msgs, nav2_msgs, tf2_msgs, wmx_ros2_message):
+    print(package.__file__, end=" ")
+print()
 sent = custom_msgs.msg.VelocityLimit(max_linear_velocity=0.25, reason="SLOPE")
 print(deserialize_message(serialize_message(sent), custom_msgs.msg.VelocityLimit) == sent)
 """

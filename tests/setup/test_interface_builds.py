@@ -35,12 +35,13 @@ def names(packages: list[Path]) -> list[str]:
     return [package.name for package in packages]
 
 
-def test_all_four_are_built_without_an_installed_ros(
+def test_all_are_built_without_an_installed_ros(
     interfaces: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
 
-    assert names(interfaces.needed(ROOT, tmp_path)) == ["custom_msgs", "wmx_ros2_message", "control_msgs", "tf2_msgs"]
+    everything = ["custom_msgs", "wmx_ros2_message", "control_msgs", "nav2_msgs", "tf2_msgs"]
+    assert names(interfaces.needed(ROOT, tmp_path)) == everything
 
 
 def test_upstream_packages_of_an_installed_ros_are_not_built_again(
@@ -51,7 +52,7 @@ def test_upstream_packages_of_an_installed_ros_are_not_built_again(
         install(tmp_path / "ros", name, python)
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "ros"))
 
-    assert names(interfaces.needed(ROOT, tmp_path)) == ["custom_msgs", "wmx_ros2_message", "tf2_msgs"]
+    assert names(interfaces.needed(ROOT, tmp_path)) == ["custom_msgs", "wmx_ros2_message", "nav2_msgs", "tf2_msgs"]
 
 
 def test_packages_of_another_python_or_of_the_environment_itself_do_not_count(
