@@ -15,6 +15,13 @@ DOCK = Action(
 UNDOCK = Action(
     "/docking/undock", "custom_msgs/action/Undock", "docking_controller", _DOCKING_CLIENTS, "unlatch and back off"
 )
+NAVIGATE_TO_POSE = Action(
+    "/navigate_to_pose",
+    "nav2_msgs/action/NavigateToPose",
+    "navigation_controller",
+    ("mission_manager", OPERATOR_TOOL),
+    "drive to a pose in map, as in Nav2; a newer goal, also one of /goal_pose, preempts it",
+)
 FOLLOW_JOINT_TRAJECTORY = Action(
     "/movensys_manipulator_arm_controller/follow_joint_trajectory",
     "control_msgs/action/FollowJointTrajectory",
@@ -25,4 +32,4 @@ FOLLOW_JOINT_TRAJECTORY = Action(
     System.WMX,
 )
 
-ACTIONS: tuple[Action, ...] = (DOCK, UNDOCK, FOLLOW_JOINT_TRAJECTORY)
+ACTIONS: tuple[Action, ...] = (NAVIGATE_TO_POSE, DOCK, UNDOCK, FOLLOW_JOINT_TRAJECTORY)

@@ -296,7 +296,7 @@ GOAL_POSE = Topic(
     qos.COMMAND,
     ("mission_manager", "docking_controller", "touch_ui", TEST_TOOL),
     ("navigation_controller",),
-    "goal in map; an empty frame_id cancels the current goal",
+    "goal in map, without a result (/navigate_to_pose has one); an empty frame_id ends the goal of any client",
     wakes=("navigation_controller",),
 )
 PLAN = Topic(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from builtin_interfaces.msg import Time
+from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import Pose, PoseStamped, Quaternion, Transform, TransformStamped, Twist, TwistStamped
 from sensor_msgs.msg import CameraInfo
 
@@ -20,6 +20,11 @@ def time_to_s(stamp: Time) -> float:
 def time_from_s(seconds: float) -> Time:
     nanoseconds = round(seconds * NANOSECONDS)
     return Time(sec=nanoseconds // NANOSECONDS, nanosec=nanoseconds % NANOSECONDS)
+
+
+def duration_from_s(seconds: float) -> Duration:
+    whole, nanoseconds = divmod(round(seconds * NANOSECONDS), NANOSECONDS)
+    return Duration(sec=whole, nanosec=nanoseconds)
 
 
 def twist_to_msg(twist: Twist2) -> Twist:

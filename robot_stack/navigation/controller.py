@@ -20,7 +20,7 @@ from robot_stack.core.limits import NO_LIMIT, MotionLimits, SpeedLimit
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.core.site_map import Grid
 from robot_stack.navigation.follower import RouteFollower
-from robot_stack.navigation.goal import GoalRequest, refusal, too_far
+from robot_stack.navigation.goal import GoalCode, GoalEnd, GoalRequest, Outcome, Refusal, refusal, too_far
 from robot_stack.navigation.limits import PlanningLimits, planning_limits
 from robot_stack.navigation.line_of_sight import allowed_speed, is_direct
 from robot_stack.navigation.motion import MotionState, Trajectory, moving
@@ -47,7 +47,7 @@ _SAME_WAY_M = 5e-3
 # An unreachable goal is not planned again from a start within this distance.
 _SAME_START_M = 1.0
 _NO_ERROR = TrackingError(0.0, 0.0, 0.0)
-_EMERGENCY = "an emergency stop is active: send the goal again after its release"
+_EMERGENCY = Refusal(GoalCode.STOPPED, "an emergency stop is active: send the goal again after its release")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +68,7 @@ class Situation:
 class Output:
     """twist: the command, base_link. planned: the pose the robot should have now, None without a plan.
 
-    text: the activity, for people. reached: this tick ended at the goal. refused: why the goal is, in the tick that
-    finds out that the map leaves no way to it.
+    text: the activity, for people. end: how the goal ended, in the first tick after that.
     """
 
     twist: Twist2
@@ -77,8 +76,11 @@ class Output:
     text: str
     planned: Pose2 | None = None
     error: TrackingError = _NO_ERROR
-    reached: bool = False
-    refused: str = ""
+    end: GoalEnd | None = None
+
+    @property
+    def reached(self) -> bool:
+        return self.end is not None and self.end.outcome is Outcome.SUCCEEDED
 
     def figures(self) -> dict[str, str]:
         """For diagnostics."""
@@ -96,7 +98,7 @@ class _Unreachable:
     goal: Pose2
     footprint: Footprint
     start: Pose2
-    reason: str
+    problem: Refusal
 
 
 class NavigationController:
@@ -141,6 +143,7 @@ class NavigationController:
         self._looked = -1
         self._since_try_s = 0.0
         self._located: Located | None = None
+        self._end: GoalEnd | None = None
 
     @property
     def state(self) -> NavigationState:
@@ -149,6 +152,24 @@ class NavigationController:
     @property
     def goal(self) -> Pose2 | None:
         return self._goal
+
+    @property
+    def remaining_m(self) -> float:
+        """Length of the plan from the robot to the goal, m; 0 without a plan or a pose."""
+        if self.path is None or self._located is None:
+            return 0.0
+        pose = self._located.pose
+        return self.path.length_m - self.path.project(pose.x, pose.y)[0]
+
+    @property
+    def recoveries(self) -> int:
+        """How often the robot has made room for a person on the way to its goal."""
+        return self._follower.recoveries
+
+    def take_end(self) -> GoalEnd | None:
+        """How the newest goal ended, once, unless an output had it. A goal that another one replaces has no end."""
+        end, self._end = self._end, None
+        return end
 
     # --- events ------------------------------------------------------------------------------------------------------
 
@@ -169,31 +190,36 @@ class NavigationController:
     def request(
         self, request: GoalRequest, now_s: float, located: Located | None, *, emergency_stop: bool = False
     ) -> str:
-        """A message of ``/goal_pose``. Returns why it was refused, else an empty text.
+        """A new goal, which replaces the present one. Returns why it was refused, else an empty text.
 
         emergency_stop: one is in force. A goal accepted now would start motion at the release.
 
         A refused goal also ends the previous one, since the intended goal is unknown: the robot stops.
         """
-        if request.cancels:
-            self._cancel("goal cancelled")
-            return ""
+        self._end = None
         pose = None if located is None else located.pose
         self._know(now_s, located)
         problem = _EMERGENCY if emergency_stop else refusal(request, self._map_frame, now_s, pose, self._params.goal)
         problem = problem or self.around.goal_problem(self._footprint(), request.pose)
         problem = problem or self._known_unreachable(request.pose, located)
         if problem:
-            self._cancel(f"goal refused: {problem}")
-            return problem
+            self._abort(problem)
+            return problem.text
         self._take(request.pose, located)
         return ""
+
+    def cancel(self) -> None:
+        """Withdraws the goal: a moving robot comes to rest within the limits of an ordinary ride."""
+        self._withdraw(GoalEnd(Outcome.CANCELED, "goal cancelled"))
 
     def stop(self) -> None:
         """Ends the motion and drops the goal: the release of an emergency stop starts no motion (ISO 13850)."""
         if self._state is not NavigationState.IDLE:
             self._follower.forget()
-            self._finish(Trigger.EMERGENCY_STOP, "emergency stop: the goal is dropped")
+            text = "emergency stop: the goal is dropped"
+            if self._goal is not None:
+                self._end = GoalEnd(Outcome.ABORTED, text, GoalCode.STOPPED)
+            self._finish(Trigger.EMERGENCY_STOP, text)
 
     def tick(self, situation: Situation) -> Output:
         """One step of the control loop. Never returns a twist that is not finite."""
@@ -213,7 +239,7 @@ class NavigationController:
         else:
             output = self._set_out(located, dt_s)
         self._twist = output.twist if output.twist.is_finite() else ZERO_TWIST
-        return replace(output, twist=self._twist)
+        return replace(output, twist=self._twist, end=self.take_end())
 
     # --- one tick, by state ------------------------------------------------------------------------------------------
 
@@ -297,8 +323,10 @@ class NavigationController:
         turned = abs(error.yaw) <= (g.yaw_tolerance_rad if late else g.settled_yaw_rad)
         if near and turned:
             if self._standing(located.twist):
+                text = f"goal reached, {1e3 * error.distance_m():.0f} mm off"
+                self._end = GoalEnd(Outcome.SUCCEEDED, text)
                 self._finish(Trigger.REACHED, "goal reached")
-                return Output(ZERO_TWIST, self._state, self._text, error=error, reached=True)
+                return Output(ZERO_TWIST, self._state, self._text, error=error)
             return Output(ZERO_TWIST, self._state, "stopping at the goal", self._goal, error)
         if late:
             self._begin(self._measured(located))
@@ -354,6 +382,7 @@ class NavigationController:
         if step.unreachable:
             return self._refuse(step.text, located)
         if step.gave_up:
+            self._end = GoalEnd(Outcome.ABORTED, step.text, GoalCode.PATIENCE_EXCEEDED)
             self._finish(Trigger.GAVE_UP, step.text)
             return self._idle()
         self._text = step.text
@@ -365,19 +394,17 @@ class NavigationController:
     def _refuse(self, reason: str, located: Located) -> Output:
         """Refuses a goal that the map makes unreachable, as at its reception."""
         assert self._goal is not None
-        self._unreachable = _Unreachable(self._goal, self._footprint(), located.pose, reason)
-        self._cancel(f"goal refused: {reason}")
-        refused = replace(self._idle(), refused=reason)
-        if self._state is NavigationState.BRAKING:
-            return replace(self._drive(located, 0.0), refused=reason)
-        return refused
+        problem = Refusal(GoalCode.NO_VALID_PATH, reason)
+        self._unreachable = _Unreachable(self._goal, self._footprint(), located.pose, problem)
+        self._abort(problem)
+        return self._drive(located, 0.0) if self._state is NavigationState.BRAKING else self._idle()
 
-    def _known_unreachable(self, goal: Pose2, located: Located | None) -> str:
-        """Why a goal is already known to be unreachable from about the same place, else an empty text."""
+    def _known_unreachable(self, goal: Pose2, located: Located | None) -> Refusal | None:
+        """Why a goal is already known to be unreachable from about the same place, else None."""
         known = self._unreachable
         if known is None or located is None or not _same(goal, known.goal) or known.footprint != self._footprint():
-            return ""
-        return known.reason if known.start.distance_to(located.pose) < _SAME_START_M else ""
+            return None
+        return known.problem if known.start.distance_to(located.pose) < _SAME_START_M else None
 
     def _is_direct(self, trajectory: Trajectory, from_s: float, *, entering: bool) -> bool:
         return is_direct(
@@ -398,7 +425,7 @@ class NavigationController:
         if self._goal is not None and _same(goal, self._goal) and self._state is not NavigationState.IDLE:
             return
         start = self._present(located)
-        self._goal = goal
+        self._goal, self._follower.recoveries = goal, 0
         if self._state is NavigationState.HELD or start is None or self._limits() is None:
             self._hold("waiting to drive to the goal")
             self.path = _straight(goal, located)
@@ -424,7 +451,7 @@ class NavigationController:
             return False
         problem = too_far(self._goal, start.pose, self._params.goal)
         if problem:
-            self._cancel(f"goal refused: {problem}")
+            self._abort(Refusal(GoalCode.INVALID, problem))
             return False
         trajectory = self._motion(start, limits)
         if trajectory is None:
@@ -471,7 +498,11 @@ class NavigationController:
         else:
             self._begin(now, same_way=True)
 
-    def _cancel(self, text: str) -> None:
+    def _abort(self, problem: Refusal) -> None:
+        self._withdraw(GoalEnd(Outcome.ABORTED, f"goal refused: {problem.text}", problem.code))
+
+    def _withdraw(self, end: GoalEnd) -> None:
+        self._end = end
         limits = self._limits()
         running = self._state is NavigationState.DRIVING and self._trajectory is not None
         now = self._trajectory.at(self._elapsed_s) if running and self._trajectory is not None else None
@@ -481,9 +512,9 @@ class NavigationController:
         self._follower.forget()
         if now is not None and limits is not None:
             self._enter(Trigger.WITHDRAWN_MOVING)
-            self._run(plan_stop(now, limits.cruise), text)
+            self._run(plan_stop(now, limits.cruise), end.text)
         elif self._state is not NavigationState.BRAKING:
-            self._finish(Trigger.WITHDRAWN, text)
+            self._finish(Trigger.WITHDRAWN, end.text)
 
     def _hold(self, text: str) -> None:
         self._follower.forget()

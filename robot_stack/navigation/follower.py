@@ -70,6 +70,7 @@ class RouteFollower:
         self._stuck_s = 0.0
         self._giving_s = 0.0
         self._gave_way = 0
+        self.recoveries = 0
         self._progress_at: Pose2 | None = None
         self._checked = -1
         self._blocked_at: tuple[float, float] | None = None
@@ -180,6 +181,7 @@ class RouteFollower:
         if twist is None and giving and self._giving_s < p.most_s and nearest_m(pose, footprint, walkers) < p.watch_m:
             twist = ZERO_TWIST
         if twist is not None:
+            self.recoveries += not giving
             self._giving_s += dt_s
             return twist
         if giving:

@@ -18,6 +18,7 @@ from robot_stack.core.geometry import Pose2, wrap_angle
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.footprint import inner_m, outline, reach_m
+from robot_stack.navigation.goal import GoalCode, Refusal
 from robot_stack.navigation.grid_kernels import astar, free_headings, headings, relax, straighten
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.path import Path
@@ -42,23 +43,22 @@ class NoWay:
     reason: str
 
 
-def goal_problem(grid: PlanningGrid, footprint: Footprint, goal: Pose2, params: PlannerParams) -> str:
-    """Why the map alone excludes ``goal``, else an empty text."""
+def goal_problem(grid: PlanningGrid, footprint: Footprint, goal: Pose2, params: PlannerParams) -> Refusal | None:
+    """Why the map alone excludes ``goal``, else None."""
     if not grid.bounded:
-        return ""
+        return None
+    name = f"goal ({goal.x:.2f}, {goal.y:.2f})"
     if not grid.contains(goal.x, goal.y):
-        return f"goal ({goal.x:.2f}, {goal.y:.2f}) lies outside the map"
+        return Refusal(GoalCode.GOAL_OUTSIDE_MAP, f"{name} lies outside the map")
     row, column = grid.cell(goal.x, goal.y)
     if grid.unknown[row, column] and not params.unknown_is_passable:
-        return f"goal ({goal.x:.2f}, {goal.y:.2f}) lies in unknown space of the map"
+        return Refusal(GoalCode.GOAL_OCCUPIED, f"{name} lies in unknown space of the map")
     pose = np.array([(goal.x, goal.y, goal.yaw)])
     clear_m = float(grid.clearance_m(outline(footprint), pose, known=True)[0]) - grid.half_cell_m
     if clear_m < params.goal_margin_m:
-        return (
-            f"goal ({goal.x:.2f}, {goal.y:.2f}): the footprint would have {clear_m:.2f} m to an obstacle of the map, "
-            f"limit {params.goal_margin_m} m"
-        )
-    return ""
+        text = f"the footprint would have {clear_m:.2f} m to an obstacle of the map, limit {params.goal_margin_m} m"
+        return Refusal(GoalCode.GOAL_OCCUPIED, f"{name}: {text}")
+    return None
 
 
 class GlobalPlanner:

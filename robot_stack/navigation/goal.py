@@ -1,9 +1,10 @@
-"""Validation of goals."""
+"""Validation of goals, and how they end."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from enum import Enum, IntEnum, auto
 
 from robot_stack.core.geometry import Pose2, yaw_from_quaternion
 from robot_stack.navigation.params import GoalParams
@@ -11,9 +12,47 @@ from robot_stack.navigation.params import GoalParams
 _QUATERNION_TOLERANCE = 0.01  # of the squared norm: larger than any rounding
 
 
+class GoalCode(IntEnum):
+    """``error_code`` of NavigateToPose. As with Nav2, a code of FollowPath (100 to 199) or ComputePathToPose (200 to
+    299).
+    """
+
+    NONE = 0
+    STOPPED = 100  # FollowPath.UNKNOWN: an emergency stop
+    PATIENCE_EXCEEDED = 104  # FollowPath: obstacles blocked every path for too long
+    INVALID = 200  # ComputePathToPose.UNKNOWN: a field of the goal is out of its range
+    TF_ERROR = 202  # ComputePathToPose: the goal is not in the map frame
+    GOAL_OUTSIDE_MAP = 204  # ComputePathToPose
+    GOAL_OCCUPIED = 206  # ComputePathToPose
+    NO_VALID_PATH = 208  # ComputePathToPose: the map leaves no path
+
+
+class Outcome(Enum):
+    SUCCEEDED = auto()
+    ABORTED = auto()
+    CANCELED = auto()
+
+
+@dataclass(frozen=True, slots=True)
+class GoalEnd:
+    """How a goal ended. code: of an aborted goal. text: for people."""
+
+    outcome: Outcome
+    text: str
+    code: GoalCode = GoalCode.NONE
+
+
+@dataclass(frozen=True, slots=True)
+class Refusal:
+    """Why a goal is refused: ``text`` names field and limit."""
+
+    code: GoalCode
+    text: str
+
+
 @dataclass(frozen=True, slots=True)
 class GoalRequest:
-    """A message of ``/goal_pose`` as received: position m, quaternion (x, y, z, w), stamp s (0: none)."""
+    """A pose as received: position m, quaternion (x, y, z, w), stamp s (0: none)."""
 
     frame_id: str
     stamp_s: float
@@ -21,21 +60,26 @@ class GoalRequest:
     quaternion: tuple[float, float, float, float]
 
     @property
-    def cancels(self) -> bool:
-        return self.frame_id == ""
-
-    @property
     def pose(self) -> Pose2:
         return Pose2(self.position[0], self.position[1], yaw_from_quaternion(*self.quaternion))
 
 
-def refusal(request: GoalRequest, map_frame: str, now_s: float, from_pose: Pose2 | None, params: GoalParams) -> str:
-    """Why the goal is refused, naming field and limit; an empty text if it is accepted.
+def refusal(
+    request: GoalRequest, map_frame: str, now_s: float, from_pose: Pose2 | None, params: GoalParams
+) -> Refusal | None:
+    """Why the goal is refused, None if it is accepted.
 
     from_pose: where the robot is, None if unknown (then the distance is not checked yet).
     """
     if request.frame_id != map_frame:
-        return f"frame_id is {request.frame_id!r}, must be {map_frame!r}"
+        return Refusal(GoalCode.TF_ERROR, f"frame_id is {request.frame_id!r}, must be {map_frame!r}")
+    problem = _invalid(request, now_s, params)
+    if not problem and from_pose is not None:
+        problem = too_far(request.pose, from_pose, params)
+    return Refusal(GoalCode.INVALID, problem) if problem else None
+
+
+def _invalid(request: GoalRequest, now_s: float, params: GoalParams) -> str:
     for name, values in (("position", request.position), ("orientation", request.quaternion)):
         if not all(map(math.isfinite, values)):
             return f"{name} is not finite: {values}"
@@ -45,7 +89,7 @@ def refusal(request: GoalRequest, map_frame: str, now_s: float, from_pose: Pose2
     age_s = now_s - request.stamp_s
     if request.stamp_s != 0.0 and not abs(age_s) <= params.max_age_s:
         return f"stamp is {age_s:.1f} s old, limit {params.max_age_s} s"
-    return "" if from_pose is None else too_far(request.pose, from_pose, params)
+    return ""
 
 
 def too_far(goal: Pose2, from_pose: Pose2, params: GoalParams) -> str:

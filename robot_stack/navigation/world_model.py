@@ -13,6 +13,7 @@ from robot_stack.core.robot import Footprint
 from robot_stack.core.site_map import Grid
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.global_planner import goal_problem
+from robot_stack.navigation.goal import Refusal
 from robot_stack.navigation.local_map import LETHAL, LocalMap, costmap_problem, local_map
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.people import PeopleTracker, Person
@@ -116,8 +117,8 @@ class WorldModel:
 
     # --- planning ----------------------------------------------------------------------------------------------------
 
-    def goal_problem(self, footprint: Footprint, goal: Pose2) -> str:
-        return "" if self.grid is None else goal_problem(self.grid, footprint, goal, self._params.planner)
+    def goal_problem(self, footprint: Footprint, goal: Pose2) -> Refusal | None:
+        return None if self.grid is None else goal_problem(self.grid, footprint, goal, self._params.planner)
 
     def question(self, start: Pose2, goal: Pose2, footprint: Footprint) -> RouteRequest:
         """A request for a route around all obstacles of map and costmap until now."""

@@ -101,7 +101,7 @@ def _ticks(controller: NavigationController) -> Told:
         output = controller.tick(Situation(now_s, located))
         wall_ms.append(1e3 * (time.perf_counter() - wall_s))
         cpu_ms.append(1e3 * (time.thread_time() - cpu_s))
-        if output.refused:
+        if output.end is not None:
             times += 1
             used_s = time.process_time() - cpu_began_s
             told_s, text, end_s = time.monotonic() - began_s, output.text, time.monotonic() + 1.0

@@ -390,6 +390,7 @@ SERVICES = {
     "/swerve/reset_odometry": ("std_srvs/srv/Trigger", "swerve_controller"),
 }
 ACTIONS = {
+    "/navigate_to_pose": ("nav2_msgs/action/NavigateToPose", "navigation_controller"),
     "/movensys_manipulator_arm_controller/follow_joint_trajectory": (
         "control_msgs/action/FollowJointTrajectory",
         "follow_joint_trajectory_server",

@@ -1,10 +1,12 @@
-"""navigation_controller: /goal_pose to /cmd_vel and /plan.
+"""navigation_controller: goals of navigate_to_pose and /goal_pose to /cmd_vel and /plan.
 
 /cmd_vel is always published at the contract's rate, zero without a goal: it shows that the node works, and the drive's
 arbitration prefers any other source.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
@@ -16,21 +18,25 @@ from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import ZERO_TWIST
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.site_map import load_map
-from robot_stack.middleware.conversions import pose_from_msg, time_to_s, twist_from_msg
+from robot_stack.middleware.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg
 from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.port import ActionGoal
 from robot_stack.middleware.wheelchair import WheelchairInput
 from robot_stack.navigation.background_planner import BackgroundPlanner
 from robot_stack.navigation.controller import NavigationController, Output, Situation
+from robot_stack.navigation.goal import GoalEnd, Outcome
 from robot_stack.navigation.nodes.messages import costmap_cells, goal_request
+from robot_stack.navigation.nodes.navigation_goals import NavigationGoals
 from robot_stack.navigation.nodes.outputs import NavigationOutputs
 from robot_stack.navigation.params import NavigationParams
-from robot_stack.navigation.pose_source import PoseSource
+from robot_stack.navigation.pose_source import Located, PoseSource
 from robot_stack.navigation.routes import RouteSolver
 from robot_stack.navigation.states import NavigationState
 from robot_stack.navigation.warm_up import warm_up
 
 _END_S = 2.0  # timeout of the wait for a running search
+_TICKS_PER_FEEDBACK = 4  # 5 Hz: the plan changes with the costmap
 
 
 class NavigationControllerNode(StackNode):
@@ -50,6 +56,9 @@ class NavigationControllerNode(StackNode):
             warm_up()
         self._problems = {topics.ODOM.name: "", topics.CURRENT_POSE.name: "", topics.LOCAL_COSTMAP.name: ""}
         self._outputs = NavigationOutputs(self, self.params.people.sightings)
+        self._goals = NavigationGoals(self, self._begin)
+        self._feedback = PoseStamped(), ZERO_TWIST
+        self._ticks = 0
         self.subscribe(topics.ODOM, self._on_odometry)
         self.subscribe(topics.CURRENT_POSE, self._on_pose)
         self.subscribe(topics.GOAL_POSE, self._on_goal)
@@ -71,6 +80,7 @@ class NavigationControllerNode(StackNode):
     def on_emergency_stop(self) -> None:
         self.controller.stop()
         self._outputs.command(ZERO_TWIST)
+        self._end_goal(self.controller.take_end())
 
     def safe_output(self) -> None:
         self._outputs.command(ZERO_TWIST)
@@ -89,12 +99,30 @@ class NavigationControllerNode(StackNode):
         self._problems[topics.CURRENT_POSE.name] = problem
 
     def _on_goal(self, message: PoseStamped) -> None:
+        if not message.header.frame_id:
+            self.controller.cancel()
+            self._end_goal(self.controller.take_end())
+            self._outputs.plan(self.controller.path)
+        else:
+            self._begin(message)
+
+    def _begin(self, message: PoseStamped, goal: ActionGoal | None = None) -> None:
+        """goal: the handle of an action goal. Its call cannot be stale, so that, as in Nav2, its stamp may be old."""
         located, _ = self._poses.located(self.now_s(), self.steady_s())
         request = goal_request(message)
-        problem = self.controller.request(request, self.now_s(), located, emergency_stop=self.emergency_stop)
-        if problem:
-            self.get_logger().error(f"/goal_pose refused: {problem}")
+        if goal is not None:
+            request = replace(request, stamp_s=0.0)
+        self.controller.request(request, self.now_s(), located, emergency_stop=self.emergency_stop)
+        self._goals.begin(goal)
+        self._end_goal(self.controller.take_end())
         self._outputs.plan(self.controller.path)
+
+    def _end_goal(self, end: GoalEnd | None) -> None:
+        if end is None:
+            return
+        log = self.get_logger()
+        log.error(end.text) if end.outcome is Outcome.ABORTED else log.info(end.text)
+        self._goals.end(end)
 
     def _on_costmap(self, message: OccupancyGrid) -> None:
         stamp, info, around = message.header.stamp, message.info, self.controller.around
@@ -120,17 +148,25 @@ class NavigationControllerNode(StackNode):
         blind = self.controller.around.problem(self.steady_s())
         problem = "; ".join(filter(None, self._problems.values())) or problem or blind
         situation = Situation(self.now_s(), located, problem, self.emergency_stop, blind)
+        if self._goals.cancel_requested:
+            self.controller.cancel()
         output = self.controller.tick(situation)
         self._motion_warnings.publish(self._departure.remaining_s)
         self._outputs.command(output.twist)
         self._outputs.plan(self.controller.path)
+        self._end_goal(output.end)
+        self._publish_feedback(located)
         self._report_state(output, problem)
 
+    def _publish_feedback(self, located: Located | None) -> None:
+        """Also while the pose is unknown, with the last one: the feedback shows that the goal is not lost."""
+        if located is not None:
+            self._feedback = pose_stamped(located.pose, frames.MAP, self.stamp()), located.twist
+        self._ticks += 1
+        if self._ticks % _TICKS_PER_FEEDBACK == 0:
+            self._goals.publish_feedback(*self._feedback, self.controller.remaining_m, self.controller.recoveries)
+
     def _report_state(self, output: Output, missing: str) -> None:
-        if output.refused:
-            self.get_logger().error(f"/goal_pose refused: {output.refused}")
-        if output.reached:
-            self.get_logger().info(f"goal reached, {1e3 * output.error.distance_m():.0f} mm off")
         self._outputs.status(output.text)
         held = output.state is NavigationState.HELD
         self.set_health(not missing, missing or (f"held: {output.text}" if held else output.text))

@@ -11,7 +11,7 @@ from trajectory_msgs.msg import JointTrajectoryPoint
 
 from control_msgs.action import FollowJointTrajectory
 from control_msgs.msg import JointTolerance as JointToleranceMsg
-from robot_stack.middleware.conversions import time_to_s
+from robot_stack.middleware.conversions import duration_from_s, time_to_s
 from robot_stack.wmx.trajectory.execution import Sample
 from robot_stack.wmx.trajectory.goal import Goal, Point
 from robot_stack.wmx.trajectory.results import Result
@@ -43,7 +43,7 @@ def result_to_msg(result: Result) -> FollowJointTrajectory.Result:
 def feedback_to_msg(sample: Sample, joints: tuple[str, ...], order: tuple[int, ...], stamp: Time) -> Any:
     """The joints in the goal's order."""
     columns = list(order)
-    time_from_start = _duration(max(0.0, sample.time_s))
+    time_from_start = duration_from_s(max(0.0, sample.time_s))
 
     def point(
         position: FloatArray, velocity: FloatArray, acceleration: FloatArray | None = None
@@ -69,8 +69,3 @@ def _tolerances(messages: list[JointToleranceMsg]) -> list[JointTolerance]:
 
 def _seconds(duration: Duration) -> float:
     return duration.sec + 1e-9 * duration.nanosec
-
-
-def _duration(seconds: float) -> Duration:
-    whole, nanoseconds = divmod(round(1e9 * seconds), 1_000_000_000)
-    return Duration(sec=whole, nanosec=nanoseconds)

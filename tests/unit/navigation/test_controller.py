@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, wrap_angle
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.navigation.controller import Situation
+from robot_stack.navigation.goal import GoalCode, GoalEnd, Outcome
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.states import NavigationState
 from tests.unit.navigation.plant import ROBOT, request, ride
@@ -78,6 +79,17 @@ def test_new_goal_while_driving_is_taken_over_without_a_jump() -> None:
     assert sum(output.reached for output in story.outputs) == 1
 
 
+def test_remaining_length_falls_to_zero() -> None:
+    story = ride()
+    assert story.controller.remaining_m == 0.0
+    story.go(Pose2(8.0, 0.0, 0.0))
+    left = [story.controller.remaining_m for _ in range(60) if story.tick()]
+    assert left[0] == pytest.approx(8.0, abs=0.01)
+    assert all(after <= before for before, after in pairwise(left))
+    story.until_reached()
+    assert story.controller.remaining_m == 0.0
+
+
 def test_repeated_goal_is_ignored() -> None:
     story = ride()
     story.go(GOAL)
@@ -92,9 +104,9 @@ def test_cancel_brakes_and_drops_the_goal() -> None:
     story = ride()
     story.go(Pose2(20.0, 0.0, 0.0))
     story.run(4.0)
-    assert story.go(IDENTITY, frame_id="") == ""
+    story.controller.cancel()
     assert story.controller.path is None
-    story.tick()
+    assert story.tick().end == GoalEnd(Outcome.CANCELED, "goal cancelled")
     assert story.controller.state is NavigationState.BRAKING
     assert story.outputs[-1].twist.vx > 0.5  # a ramp, not a step
     story.run(3.0)
@@ -104,20 +116,26 @@ def test_cancel_brakes_and_drops_the_goal() -> None:
 
 
 @pytest.mark.parametrize(
-    ("goal", "changes", "reason"),
+    ("goal", "changes", "reason", "code"),
     [
-        (Pose2(math.nan, 0.0, 0.0), {}, "position is not finite"),
-        (Pose2(0.0, math.inf, 0.0), {}, "position is not finite"),
-        (Pose2(0.0, 0.0, math.nan), {}, "orientation is not finite"),
-        (Pose2(1.0, 0.0, 0.0), {"frame_id": "odom"}, "frame_id is 'odom', must be 'map'"),
-        (Pose2(600.0, 0.0, 0.0), {}, "limit 500.0 m"),
+        (Pose2(math.nan, 0.0, 0.0), {}, "position is not finite", GoalCode.INVALID),
+        (Pose2(0.0, math.inf, 0.0), {}, "position is not finite", GoalCode.INVALID),
+        (Pose2(0.0, 0.0, math.nan), {}, "orientation is not finite", GoalCode.INVALID),
+        (Pose2(1.0, 0.0, 0.0), {"frame_id": "odom"}, "frame_id is 'odom', must be 'map'", GoalCode.TF_ERROR),
+        (Pose2(1.0, 0.0, 0.0), {"frame_id": ""}, "frame_id is '', must be 'map'", GoalCode.TF_ERROR),
+        (Pose2(600.0, 0.0, 0.0), {}, "limit 500.0 m", GoalCode.INVALID),
     ],
 )
-def test_refused_goal_ends_the_one_before(goal: Pose2, changes: dict[str, str], reason: str) -> None:
+def test_refused_goal_ends_the_one_before(goal: Pose2, changes: dict[str, str], reason: str, code: GoalCode) -> None:
     story = ride()
     story.go(GOAL)
     story.run(2.0)
     assert reason in story.go(goal, **changes)
+    end = story.controller.take_end()
+    assert end is not None
+    assert (end.outcome, end.code) == (Outcome.ABORTED, code)
+    assert reason in end.text
+    assert story.tick().end is None, "an end is reported once"
     assert story.controller.goal is None
     story.run(3.0)
     assert story.drive.twist.speed() < 1e-3
@@ -132,7 +150,9 @@ def test_emergency_stop_zeroes_at_once_and_only_a_new_goal_after_its_release_mov
     assert story.tick().twist == ZERO_TWIST
     assert story.controller.state is NavigationState.IDLE
     assert story.controller.goal is None
-    assert story.outputs[-1].text == "emergency stop: the goal is dropped"
+    text = "emergency stop: the goal is dropped"
+    assert story.outputs[-1].text == text
+    assert story.outputs[-1].end == GoalEnd(Outcome.ABORTED, text, GoalCode.STOPPED)
     assert story.go(Pose2(8.0, 0.0, 0.0)) == "an emergency stop is active: send the goal again after its release"
     story.run(3.0)
     stood_m = story.drive.pose.x
@@ -362,7 +382,7 @@ def test_commands_stay_finite_and_are_zero_if_motion_is_forbidden(steps: list[tu
         if event == "goal":
             story.go(pose)
         elif event == "cancel":
-            story.go(pose, frame_id="")
+            story.controller.cancel()
         elif event == "bad goal":
             assert story.go(Pose2(math.nan, 0.0, 0.0))
         elif event in ("emergency", "release"):

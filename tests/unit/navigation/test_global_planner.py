@@ -152,12 +152,14 @@ def test_short_step_to_the_side_is_driven_sideways() -> None:
 )
 def test_goals_without_clearance_are_refused(goal: Pose2, reason: str) -> None:
     site = PlanningGrid(Grid(0.1, 0.0, 0.0, wall_with_gate(1.3)))
-    assert reason in goal_problem(site, ROBOT.footprint, goal, params().planner)
+    problem = goal_problem(site, ROBOT.footprint, goal, params().planner)
+    assert problem is not None
+    assert reason in problem.text
 
 
 def test_goal_problem_is_empty_for_a_good_goal() -> None:
     site = PlanningGrid(Grid(0.1, 0.0, 0.0, wall_with_gate(1.3)))
-    assert goal_problem(site, ROBOT.footprint, GOAL, params().planner) == ""
+    assert goal_problem(site, ROBOT.footprint, GOAL, params().planner) is None
 
 
 def test_plan_from_nan_start_returns_no_way() -> None:

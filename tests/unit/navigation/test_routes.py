@@ -17,6 +17,8 @@ from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
 from robot_stack.navigation.background_planner import BackgroundPlanner
 from robot_stack.navigation.cancel_flag import CancelFlag
+from robot_stack.navigation.controller import Output
+from robot_stack.navigation.goal import GoalCode, GoalEnd, Outcome
 from robot_stack.navigation.grid_kernels import astar
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteRequest, RouteResult, RouteSolver
@@ -36,6 +38,10 @@ def divided(gate: slice | None = None) -> Grid:
     if gate is not None:
         cells[gate, 80] = FREE
     return Grid(0.1, 0.0, 0.0, cells)
+
+
+def ended(output: Output) -> bool:
+    return output.end is not None
 
 
 def question(goal: Pose2 = GOAL, seen: np.ndarray = NOTHING_SEEN) -> RouteRequest:
@@ -244,15 +250,16 @@ def test_the_end_stops_a_search_and_the_worker(big: RouteSolver, worker: Stepped
 def test_a_goal_behind_a_wall_of_the_map_is_refused_once_and_not_planned_again() -> None:
     told, routes = story(divided(), late=3)
     assert told.go(GOAL) == ""
-    output = told.until(lambda output: bool(output.refused), 0.5)
-    assert output.refused == "no path from (2.0, 5.0) to (13.0, 5.0)"
-    assert output.text == "goal refused: no path from (2.0, 5.0) to (13.0, 5.0)"
+    output = told.until(ended, 0.5)
+    text = "goal refused: no path from (2.0, 5.0) to (13.0, 5.0)"
+    assert output.end == GoalEnd(Outcome.ABORTED, text, GoalCode.NO_VALID_PATH)
+    assert output.text == text
     assert (output.state, output.twist) == (NavigationState.IDLE, ZERO_TWIST)
     assert told.controller.goal is None
     assert told.controller.path is None
-    assert not told.tick().refused
+    assert told.tick().end is None
     for _ in range(5):  # as a mission manager repeats its goal
-        assert told.go(GOAL) == output.refused
+        assert told.go(GOAL) == "no path from (2.0, 5.0) to (13.0, 5.0)"
         assert told.tick().text == output.text
     assert len(routes.questions) == 1
     assert told.go(Pose2(6.0, 5.0, 0.0)) == ""
@@ -264,7 +271,7 @@ def test_a_goal_that_turns_out_to_be_unreachable_stops_a_moving_robot_smoothly()
     told.go(Pose2(6.5, 5.0, 0.0))
     told.until(lambda output: output.twist.speed() > 0.8)
     told.go(GOAL)
-    told.until(lambda output: bool(output.refused), 1.0)
+    told.until(ended, 1.0)
     told.until(lambda output: output.state is NavigationState.IDLE, 5.0)
     assert told.drive.pose.x < 7.0
     speeds = [output.twist.speed() for output in told.outputs[-60:]]

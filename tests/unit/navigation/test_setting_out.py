@@ -83,7 +83,7 @@ def test_forbidden_motion_cancels_the_warning(stood: Ride, hindrance: str) -> No
 def test_a_cancelled_goal_ends_the_warning(stood: Ride) -> None:
     stood.go(GOAL)
     stood.run(1.0)
-    stood.go(GOAL, frame_id="")
+    stood.controller.cancel()
     assert stood.tick().state is NavigationState.IDLE
     stood.go(GOAL)
     assert warned_s(stood) == pytest.approx(PARAMS.warning_s, abs=0.11)

@@ -13,7 +13,6 @@ from robot_stack.core.limits import NO_LIMIT, SpeedLimit
 from robot_stack.core.transitions import Transition
 from robot_stack.navigation import controller
 from robot_stack.navigation.states import TRANSITIONS, NavigationState, Trigger, target_of
-from tests.unit.navigation.plant import request
 from tests.unit.navigation.test_among_obstacles import Story
 
 Row = Transition[NavigationState, Trigger]
@@ -52,9 +51,7 @@ class Site:
         self.story.go(self.story.drive.pose.compose(Pose2(distance_m, 0.0, 0.0)))
 
     def cancel(self) -> None:
-        self.story.controller.request(
-            request(Pose2(0.0, 0.0, 0.0), frame_id=""), self.story.now_s, self.story.located()
-        )
+        self.story.controller.cancel()
 
     def permit(self, permitted: bool) -> None:
         self.story.controller.set_speed_limit(NO_LIMIT if permitted else SpeedLimit(0.0, 0.0))

@@ -99,6 +99,7 @@ def test_robot_gives_way_to_pedestrian_in_a_gate() -> None:
     cells[:43, 80] = cells[57:, 80] = OCCUPIED
     story = Story(paint, Grid(0.1, 0.0, 0.0, cells))
     assert story.go(Pose2(13.0, 5.0, 0.0)) == ""
+    assert story.controller.recoveries == 0
     texts = set()
     for _ in range(round(90.0 / 0.05)):
         output = story.tick()
@@ -110,3 +111,4 @@ def test_robot_gives_way_to_pedestrian_in_a_gate() -> None:
             break
     assert story.outputs[-1].reached, story.outputs[-1].text
     assert "giving way to a pedestrian" in texts
+    assert story.controller.recoveries > 0
