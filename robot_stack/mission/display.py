@@ -157,7 +157,7 @@ def _by_hand(record: Record, inputs: Inputs, *, setting_out: bool, waiting: bool
     driving = Display.TRANSPORT if aboard else Display.NAVIGATING
     if setting_out:
         return driving
-    if inputs.plan_end is None:
+    if not inputs.planned:
         return None
     return _hindrance(record, inputs, not moving) or (Display.OBSTACLE if waiting else driving)
 

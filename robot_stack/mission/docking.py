@@ -135,7 +135,7 @@ class DockingCalls:
         if self._open is None:
             return ()
         self._since_cancel_s += dt_s
-        if self._since_cancel_s < self._params.goal_confirm_s:
+        if self._since_cancel_s < self._params.goal_retry_s:
             return ()
         self._since_cancel_s = 0.0
         return (CancelDocking(),)

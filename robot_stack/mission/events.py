@@ -26,13 +26,13 @@ class Inputs:
     safety_known: /safety/status is fresh.
     faults: active fault codes of /safety/status.
     battery: state of charge [0, 1]; NaN = unknown.
-    plan_end: last pose of the navigation controller's newest plan; None = it has no goal.
+    planned: the navigation controller has a plan: it drives, or will.
+    navigation_served: a server offers the navigation action.
     docking_served: a server offers the docking actions.
     docking_state: state of /docking/status, empty while stale.
     navigation_text: navigation's status text, for people; not used for decisions.
     charging: the battery is being charged. manual: a person drives, by /teleop/cmd_vel.
     setting_out: navigation or docking is warning people of a start.
-    detour_m: length of that plan minus the straight line.
     """
 
     pose: Pose2 | None
@@ -41,11 +41,11 @@ class Inputs:
     safety_known: bool
     faults: tuple[str, ...]
     battery: float
-    plan_end: Pose2 | None
+    planned: bool
+    navigation_served: bool = False
     docking_served: bool = False
     docking_state: str = ""
     navigation_text: str = ""
-    detour_m: float = 0.0
     charging: bool = False
     manual: bool = False
     setting_out: bool = False
@@ -71,8 +71,51 @@ class PassengerChanged:
 
 
 @dataclass(frozen=True, slots=True)
-class NavigationAppeared:
-    """A navigation controller that has no goal of ours yet has subscribed."""
+class NavigationAccepted:
+    """The navigation controller accepted the goal of SendGoal number ``call``."""
+
+    call: int
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationFeedback:
+    """distance_m: along the plan to the goal."""
+
+    call: int
+    distance_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationSucceeded:
+    """The navigation controller reached the goal, by its own measure."""
+
+    call: int
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationRejected:
+    call: int
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationAborted:
+    """code: of nav2_msgs, 0 if another goal preempted this one. reason: in words."""
+
+    call: int
+    code: int
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationCanceled:
+    call: int
+
+
+@dataclass(frozen=True, slots=True)
+class NavigationLost:
+    """The server does not have the goal: it restarted, is gone, or did not receive it."""
+
+    call: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +160,9 @@ class Tick:
 
 
 DockingEvent = DockingAccepted | DockingFeedback | DockingEnded
-Event = Command | EmergencyStopBegan | PassengerChanged | NavigationAppeared | DockingEvent | JournalFailed | Tick
+NavigationEnded = NavigationSucceeded | NavigationRejected | NavigationAborted | NavigationCanceled | NavigationLost
+NavigationEvent = NavigationAccepted | NavigationFeedback | NavigationEnded
+Event = Command | EmergencyStopBegan | PassengerChanged | NavigationEvent | DockingEvent | JournalFailed | Tick
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,14 +192,20 @@ class SaveRecord:
 
 @dataclass(frozen=True, slots=True)
 class SendGoal:
-    """Send a goal to the navigation controller, map frame."""
+    """Sends a goal to the navigation controller. call: number of this goal, repeated in its events. pose: in map."""
 
+    call: int
     pose: Pose2
 
 
 @dataclass(frozen=True, slots=True)
 class CancelGoal:
-    """Cancel the navigation controller's goal: the robot comes to rest and holds its position."""
+    """Cancels the navigation controller's goal: the robot comes to rest.
+
+    everything: also the goals of other clients, which may be those of a node that crashed.
+    """
+
+    everything: bool = False
 
 
 @dataclass(frozen=True, slots=True)

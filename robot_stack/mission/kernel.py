@@ -24,11 +24,11 @@ from robot_stack.mission.events import (
     Inputs,
     PublishEmergencyStop,
     SaveRecord,
-    SendGoal,
     WarnOfDeparture,
 )
 from robot_stack.mission.guards import finite
 from robot_stack.mission.leg import Leg
+from robot_stack.mission.navigation import SERVER, NavigationCalls
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.record import Record, restored
 from robot_stack.mission.states import ACTIVE, AT_DOCK, UNDER_WAY, State, Trigger, target_of
@@ -39,6 +39,7 @@ _LONGEST_STEP_S = 1.0
 _LONGEST_NAME = 64
 _BEGIN_DOCKING = {Kind.DOCK: Trigger.DOCK_HERE, Kind.UNDOCK: Trigger.UNDOCK_HERE}
 _RESUME_DOCKING = {Kind.DOCK: Trigger.RESUME_DOCKING, Kind.UNDOCK: Trigger.RESUME_UNDOCKING}
+_NO_SERVER = f"waiting for {SERVER}"
 _EMERGENCY = "emergency stop is active: release it and reset the safety monitor first"
 
 
@@ -62,6 +63,7 @@ class MissionKernel:
         self._params = params
         self._docks = docks or {}
         self._calls = DockingCalls(params)
+        self._navigation = NavigationCalls(params)
         self._announcements = display.Announcements(params.announcement_s)
         self._record = restored(record or Record())
         self._before = self._record
@@ -90,7 +92,7 @@ class MissionKernel:
         if self._record.state is not State.PAUSED:
             return report
         # Navigation and docking may still execute goals of a mission manager that crashed.
-        return (CancelGoal(), CancelDocking(everything=True), SaveRecord(self._record), *report)
+        return (CancelGoal(everything=True), CancelDocking(everything=True), SaveRecord(self._record), *report)
 
     def step(self, event: Event, inputs: Inputs, now_s: float) -> tuple[Effect, ...]:
         """The effects of ``event``, in order. ``now_s``: steady seconds; a jump either way is harmless."""
@@ -110,8 +112,6 @@ class MissionKernel:
                 return self._emergency_stop()
             case ev.PassengerChanged(attached):
                 return self._passenger(attached)
-            case ev.NavigationAppeared():
-                return self._greet_navigation(inputs)
             case ev.DockingAccepted() | ev.DockingFeedback() | ev.DockingEnded():
                 self._calls.on_event(event)
                 return ()
@@ -119,6 +119,9 @@ class MissionKernel:
                 return self._journal_failed(problem)
             case ev.Tick():
                 return self._tick(inputs, dt_s)
+            case _:
+                self._navigation.on_event(event)
+                return ()
 
     # --- commands ----------------------------------------------------------------------------------------------------
 
@@ -189,13 +192,14 @@ class MissionKernel:
         save = self._change(trigger, record, "", goal_due=self._departure.due)
         current = self._record.current
         assert current is not None
-        return (save,) if self._leg.goal_due else (save, SendGoal(current.pose))
+        return (save,) if self._leg.goal_due else (save, self._navigation.send(current.pose))
 
     def _stand(self, trigger: Trigger, reason: str, record: Record | None = None) -> tuple[Effect, ...]:
         """Enters a standing state; a command that is not valid in the present state is refused."""
         if target_of(self._record.state, trigger) is None:
             return self._refuse(f"no mission to {trigger.value.lower()}, the state is {self._record.state.value}")
-        return (CancelGoal(), *self._calls.drop(), self._change(trigger, record or self._record, reason))
+        stop = (CancelGoal(everything=True), *self._calls.drop())
+        return (*stop, self._change(trigger, record or self._record, reason))
 
     def _begin_docking(self, trigger: Trigger) -> tuple[Effect, ...]:
         """Journaled first; a later tick sends the goal. Only the docking controller commands the drive meanwhile."""
@@ -235,15 +239,6 @@ class MissionKernel:
         self._record = replace(self._record, passenger_attached=attached)
         return (self._save(),)
 
-    def _greet_navigation(self, inputs: Inputs) -> tuple[Effect, ...]:
-        current = self._record.current
-        if self._record.state is State.RUNNING and current is not None and not self._in_emergency(inputs):
-            self._leg.unconfirmed_s = 0.0
-            self._leg.goal_due = self._leg.goal_due or self._departure.due
-            return () if self._leg.goal_due else (SendGoal(current.pose),)
-        # It may still be driving for a mission manager that crashed.
-        return (CancelGoal(),) if self._record.state in ACTIVE - UNDER_WAY else ()
-
     def _journal_failed(self, problem: str) -> tuple[Effect, ...]:
         why = f"the journal cannot be written: {problem}"
         if self._answering and self._record.state in UNDER_WAY:
@@ -253,7 +248,7 @@ class MissionKernel:
         effects: tuple[Effect, ...] = ()
         if self._record.state in UNDER_WAY:
             self._change(Trigger.JOURNAL_LOST, self._record, "paused; RESUME goes on once the journal can be written")
-            effects = (CancelGoal(), *self._calls.drop())
+            effects = (CancelGoal(everything=True), *self._calls.drop())
         self._unsaved, self._journal_problem = True, why
         return effects
 
@@ -280,7 +275,7 @@ class MissionKernel:
         assert current is not None
         self._held = guards.held_by(inputs)
         if self._leg.goal_due:
-            return self._set_out(current.pose, dt_s)
+            return self._set_out(current.pose, inputs, dt_s)
         if self._departure.due:
             # Navigation would continue by itself: it gets its goal back after a warning.
             self._leg.goal_due = True
@@ -289,23 +284,31 @@ class MissionKernel:
             self._note_motion(pose, inputs, dt_s)
             if self._leg.arrived(inputs, self._record.stops, self._record.waypoint, dt_s):
                 return self._serve(inputs)
-            if not self._held and self._leg.stalls(pose, current.pose, inputs.detour_m, dt_s):
-                return self._try_failed(pose, inputs.navigation_text)
-        return (SendGoal(current.pose),) if self._leg.unconfirmed(self._is_planned(current.pose, inputs), dt_s) else ()
+            if not self._held and self._leg.stalls(pose, current.pose, self._navigation.distance_m, dt_s):
+                return self._try_failed(pose, self._navigation.problem or inputs.navigation_text)
+        if not self._navigation.due_again(dt_s):
+            return ()
+        if not inputs.navigation_served:
+            self._held = _NO_SERVER
+            return ()
+        self._leg.goal_due = True
+        return self._set_out(current.pose, inputs, dt_s)
 
-    def _set_out(self, goal: Pose2, dt_s: float) -> tuple[Effect, ...]:
+    def _set_out(self, goal: Pose2, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         if self._held:  # a warning long before the motion has no effect
             self._departure.drop()
             return ()
+        if not inputs.navigation_served:
+            self._departure.drop()
+            self._held = _NO_SERVER
+            assert inputs.pose is not None
+            stalls = self._leg.stalls(inputs.pose, goal, math.nan, dt_s)
+            return self._try_failed(inputs.pose, f"no {SERVER}") if stalls else ()
         if not self._departure.cleared(dt_s):
             self._held = SETTING_OUT
             return ()
-        self._leg.goal_due, self._leg.unconfirmed_s = False, 0.0
-        return (SendGoal(goal),)
-
-    def _is_planned(self, goal: Pose2, inputs: Inputs) -> bool:
-        end = inputs.plan_end
-        return end is not None and end.distance_to(goal) <= self._params.position_tolerance_m
+        self._leg.goal_due = False
+        return (self._navigation.send(goal),)
 
     def _note_motion(self, pose: Pose2, inputs: Inputs, dt_s: float) -> None:
         if self._record.start is None:
@@ -380,10 +383,10 @@ class MissionKernel:
         return (CancelGoal(), self._change(Trigger.TRY_FAILED, record, reason, goal_due=True))
 
     def _rest(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
-        """In PAUSED and STOPPED the robot does not drive: an existing plan is cancelled again."""
-        if self._record.state not in ACTIVE:
+        """In PAUSED and STOPPED the robot does not drive: a goal that navigation still has is cancelled again."""
+        if self._record.state not in ACTIVE or not self._navigation.unwanted(inputs.planned, dt_s):
             return ()
-        return (CancelGoal(),) if self._leg.unconfirmed(inputs.plan_end is None, dt_s) else ()
+        return (CancelGoal(everything=True),)
 
     def _retry_journal(self, dt_s: float) -> tuple[Effect, ...]:
         self._since_retry_s += dt_s

@@ -1,4 +1,4 @@
-"""One try to reach one waypoint: arrival, progress, and whether the navigation controller has the goal.
+"""One try to reach one waypoint: arrival and progress.
 
 All times are sums of tick steps, so that a clock jump neither ends a wait nor fails a try.
 """
@@ -26,7 +26,6 @@ class Leg:
         "goal_due",
         "settled_s",
         "stalled_s",
-        "unconfirmed_s",
         "waited_s",
     )
 
@@ -36,7 +35,6 @@ class Leg:
         self.settled_s = -1.0
         self.stalled_s = 0.0
         self.waited_s = 0.0
-        self.unconfirmed_s = 0.0
         self.goal_due = goal_due
 
     def arrived(self, inputs: Inputs, stops: tuple[Waypoint, ...], index: int, dt_s: float) -> bool:
@@ -54,11 +52,11 @@ class Leg:
         self.settled_s = 0.0 if self.settled_s < 0.0 else self.settled_s + dt_s
         return self.settled_s >= self._params.settle_s
 
-    def stalls(self, pose: Pose2, goal: Pose2, detour_m: float, dt_s: float) -> bool:
+    def stalls(self, pose: Pose2, goal: Pose2, distance_m: float, dt_s: float) -> bool:
         """True once the robot has not come nearer, along its plan, for progress_timeout_s. Call only while it may
-        move. detour_m: ``route.detour_m``.
+        move. distance_m: length left of the plan, NaN if unknown.
         """
-        remaining_m = route.effort_m(pose, goal, self._params) + detour_m
+        remaining_m = route.effort_m(pose, goal, distance_m, self._params)
         if abs(remaining_m - self._remaining_m) > _NEW_PLAN_M:
             # A larger step than the robot can move is a new plan or pose: neither progress nor loss.
             self._best_m += remaining_m - self._remaining_m
@@ -68,11 +66,3 @@ class Leg:
             return False
         self.stalled_s += dt_s
         return self.stalled_s >= self._params.progress_timeout_s
-
-    def unconfirmed(self, as_requested: bool, dt_s: float) -> bool:
-        """True every goal_confirm_s for as long as the navigation controller's plan is not as requested."""
-        self.unconfirmed_s = 0.0 if as_requested else self.unconfirmed_s + dt_s
-        if self.unconfirmed_s < self._params.goal_confirm_s:
-            return False
-        self.unconfirmed_s = 0.0
-        return True

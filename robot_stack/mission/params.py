@@ -25,7 +25,7 @@ class MissionParams(Config):
     progress_timeout_s: Annotated[float, Field(ge=1.0, le=600.0)]
     progress_min_m: Annotated[float, Field(gt=0.0, le=1.0)]
     yaw_weight_m_per_rad: Positive
-    goal_confirm_s: Annotated[float, Field(ge=0.2, le=60.0)]
+    goal_retry_s: Annotated[float, Field(ge=0.2, le=60.0)]
     docking_wait_s: Annotated[float, Field(ge=1.0, le=600.0)]
     docking_timeout_s: Annotated[float, Field(ge=1.0, le=3600.0)]
     docking_silence_s: Annotated[float, Field(ge=0.5, le=60.0)]

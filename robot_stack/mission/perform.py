@@ -48,8 +48,8 @@ class Journal(Protocol):
 class Outputs(Protocol):
     """Outputs of the mission manager. None of these fails."""
 
-    def send_goal(self, pose: Pose2) -> None: ...
-    def cancel_goal(self) -> None: ...
+    def send_goal(self, call: int, pose: Pose2) -> None: ...
+    def cancel_goal(self, everything: bool) -> None: ...
     def start_docking(self, call: int, kind: Kind, dock_id: str) -> None: ...
     def cancel_docking(self, everything: bool) -> None: ...
     def publish_emergency_stop(self, active: bool) -> None: ...
@@ -80,10 +80,10 @@ class Performer:
                     except JournalError as error:
                         self.handle(JournalFailed(str(error)), inputs, now_s)
                         return
-                case SendGoal(pose):
-                    self._outputs.send_goal(pose)
-                case CancelGoal():
-                    self._outputs.cancel_goal()
+                case SendGoal(call, pose):
+                    self._outputs.send_goal(call, pose)
+                case CancelGoal(everything):
+                    self._outputs.cancel_goal(everything)
                 case StartDocking(call, kind, dock_id):
                     self._outputs.start_docking(call, kind, dock_id)
                 case CancelDocking(everything):

@@ -8,9 +8,6 @@ from __future__ import annotations
 import math
 from itertools import pairwise
 
-import numpy as np
-from numpy.typing import NDArray
-
 from robot_stack.core.geometry import Pose2, Twist2, wrap_angle
 from robot_stack.core.mission import Kind, Waypoint
 from robot_stack.mission.params import MissionParams
@@ -42,20 +39,14 @@ def standing(twist: Twist2 | None, params: MissionParams) -> bool:
     )
 
 
-def effort_m(pose: Pose2, goal: Pose2, params: MissionParams) -> float:
-    """Remaining distance to the goal, with the turn weighted as length: it must shrink for progress."""
-    return pose.distance_to(goal) + params.yaw_weight_m_per_rad * abs(wrap_angle(pose.yaw - goal.yaw))
+def effort_m(pose: Pose2, goal: Pose2, distance_m: float, params: MissionParams) -> float:
+    """Remaining distance to the goal, with the turn weighted as length: it must shrink for progress.
 
-
-def detour_m(pose: Pose2, plan: NDArray[np.float64]) -> float:
-    """Length of a plan (n, 2) m from its point nearest to the pose, minus the straight line, m."""
-    if len(plan) < 2:
-        return 0.0
-    from_here = plan[int(np.argmin(np.hypot(plan[:, 0] - pose.x, plan[:, 1] - pose.y))) :]
-    steps = np.diff(from_here, axis=0)
-    distance_m = float(np.hypot(steps[:, 0], steps[:, 1]).sum())
-    straight_m = float(np.hypot(*(from_here[-1] - from_here[0])))
-    return max(0.0, distance_m - straight_m)
+    distance_m: along the plan; NaN if unknown. It is never less than the straight line.
+    """
+    straight_m = pose.distance_to(goal)
+    left_m = distance_m if distance_m > straight_m else straight_m
+    return left_m + params.yaw_weight_m_per_rad * abs(wrap_angle(pose.yaw - goal.yaw))
 
 
 def length_m(points: list[Pose2]) -> float:

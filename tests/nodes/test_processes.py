@@ -246,7 +246,8 @@ def test_full_costmap_is_transmitted_over_dds(start: Start, peer: Peer) -> None:
 def test_mission_manager_on_a_full_disk_refuses_a_ride_and_its_end_leaves_no_goal(
     start: Start, peer: Peer, tmp_path: Path
 ) -> None:
-    status, goals = peer.listen(topics.MISSION_STATUS), peer.listen(topics.GOAL_POSE)
+    status, plans = peer.listen(topics.MISSION_STATUS), peer.listen(topics.PLAN)
+    start("navigation_controller", *BLIND)
     clock = peer.node.get_clock()
     peer.repeat(topics.CURRENT_POSE, lambda: pose_stamped(IDENTITY, "map", clock.now().to_msg()), 20.0)
     peer.repeat(topics.ODOM, Odometry, 50.0)
@@ -258,10 +259,10 @@ def test_mission_manager_on_a_full_disk_refuses_a_ride_and_its_end_leaves_no_goa
     begin = UICommand(command_type="START_MISSION", mission_id="short_hop")
     peer.repeat(topics.UI_COMMAND, lambda: begin, 2.0)
     status.wait(lambda message: "the journal cannot be written" in message.reason, "a refusal")
-    assert goals.items == []
+    assert not any(plan.poses for plan in plans.messages)
     resource.prlimit(node.pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
     status.wait(lambda message: message.state == "RUNNING", "the ride")
     peer.silence(topics.UI_COMMAND)
-    goals.wait(lambda goal: goal.header.frame_id == "map", "the first goal")
+    plans.wait(lambda plan: plan.poses, "the first goal")
     leaves(node, signal.SIGINT)
-    goals.wait(lambda goal: goal.header.frame_id == "", "the goal cancelled")
+    plans.wait(lambda plan: not plan.poses, "the goal cancelled")

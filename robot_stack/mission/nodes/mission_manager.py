@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from nav_msgs.msg import Path as PlanPath
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
@@ -20,10 +18,10 @@ from robot_stack.middleware.conversions import pose_from_msg, twist_from_msg
 from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.node import StackNode, run
 from robot_stack.mission import events as ev
-from robot_stack.mission import route
 from robot_stack.mission.journal import SqliteJournal, journal_path
 from robot_stack.mission.kernel import MissionKernel
 from robot_stack.mission.nodes.docking_client import DockingClient
+from robot_stack.mission.nodes.navigation_client import NavigationClient
 from robot_stack.mission.nodes.outputs import MissionOutputs
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.perform import Performer, load_record
@@ -35,20 +33,19 @@ _CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
 class MissionManagerNode(StackNode):
     def __init__(self) -> None:
         super().__init__("mission_manager", MissionParams)
+        self._navigation = NavigationClient(self, self._handle)
         self._docking = DockingClient(self, self._handle)
         # Its warnings do not depend on other nodes': it cancels the goal before it sends a new one.
         self._motion_warnings = MotionWarnings(self, given=lambda: None)
-        self._outputs = MissionOutputs(self, self.params, self._docking, self._motion_warnings)
+        self._outputs = MissionOutputs(self, self.params, self._navigation, self._docking, self._motion_warnings)
         self._pose = self.subscribe(topics.CURRENT_POSE)
         self._odom = self.subscribe(topics.ODOM)
         self._battery = self.subscribe(topics.BATTERY_STATE)
         self._robot_status = self.subscribe(topics.ROBOT_STATUS)
         self._teleop = self.subscribe(topics.TELEOP_CMD_VEL)
-        self._plan = self.subscribe(topics.PLAN, self._on_plan)
-        self._plan_xy = np.empty((0, 2))
+        self._plan = self.subscribe(topics.PLAN)
         self._navigation_status = self.subscribe(topics.NAVIGATION_STATUS)
         self._docking_status = self.subscribe(topics.DOCKING_STATUS)
-        self._navigators = 0
         self._library = mission_library(self.params.missions_folder, self.params.own_missions_folder)
         self._journal = self.device(SqliteJournal, journal_path(self.params.journal_file))
         record, problem = load_record(self._journal)
@@ -75,10 +72,6 @@ class MissionManagerNode(StackNode):
         except MissionError as error:
             return ev.Command(ev.START_MISSION, problem=str(error))
 
-    def _on_plan(self, message: PlanPath) -> None:
-        places = [(item.pose.position.x, item.pose.position.y) for item in message.poses]
-        self._plan_xy = np.array(places, float).reshape(-1, 2)
-
     def _on_passenger(self, message: Bool) -> None:
         self._handle(ev.PassengerChanged(message.data))
 
@@ -86,20 +79,12 @@ class MissionManagerNode(StackNode):
         self._handle(ev.EmergencyStopBegan())
 
     def _tick(self) -> None:
-        self._watch_subscribers()
-        self._docking.poll(self._docking_state(), self.steady_s())
+        self._outputs.show_newcomers()
+        self._navigation.poll()
+        self._docking.poll(self._docking_state())
         self._handle(ev.Tick())
         missing = [item.topic.name for item in (self._pose, self._odom, self.safety_status_input) if not item.fresh()]
         self.set_health(not missing, ", ".join(missing) if missing else "ready for commands")
-
-    def _watch_subscribers(self) -> None:
-        """Sends the goal again to new subscribers, because goals are not latched."""
-        before, self._navigators = self._navigators, self._outputs.navigators
-        if before and self._navigators != before:
-            self._plan.latest = None  # the plan of one that is gone
-        if self._navigators > before:
-            self._handle(ev.NavigationAppeared())
-        self._outputs.show_newcomers()
 
     def _handle(self, event: ev.Event) -> None:
         self._performer.handle(event, self._inputs(), self.steady_s())
@@ -111,16 +96,16 @@ class MissionManagerNode(StackNode):
     def _inputs(self) -> ev.Inputs:
         safety = self.safety_status_input
         plan, navigation = self._plan.latest, self._navigation_status.latest
-        pose = pose_from_msg(self._pose.latest.pose) if self._pose.fresh() else None
+        navigation_served = self._navigation.served()
         return ev.Inputs(
-            pose=pose,
+            pose=pose_from_msg(self._pose.latest.pose) if self._pose.fresh() else None,
             twist=twist_from_msg(self._odom.latest.twist.twist) if self._odom.fresh() else None,
             emergency_stop=self.emergency_stop,
             safety_known=safety.fresh(),
             faults=tuple(safety.latest.active_faults) if safety.fresh() else (),
             battery=self._charge(),
-            plan_end=pose_from_msg(plan.poses[-1].pose) if plan is not None and plan.poses else None,
-            detour_m=0.0 if plan is None or pose is None else route.detour_m(pose, self._plan_xy),
+            planned=navigation_served and plan is not None and bool(plan.poses),
+            navigation_served=navigation_served,
             navigation_text="" if navigation is None else navigation.data,
             docking_served=self._docking.served(),
             docking_state=self._docking_state(),
@@ -138,7 +123,7 @@ class MissionManagerNode(StackNode):
     def safe_output(self) -> None:
         """Stops the ride, which is no longer supervised. The journal restores the mission, paused."""
         if self._kernel.record.state in UNDER_WAY:
-            self._outputs.cancel_goal()
+            self._outputs.cancel_goal(everything=True)
             self._docking.cancel()
         self._outputs.show(Display.OFF)
         self._journal.close()

@@ -8,21 +8,26 @@ from custom_msgs.msg import EHMIState, MissionStatus
 from robot_stack.contract import frames, topics
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import Kind
-from robot_stack.middleware.conversions import pose_stamped
 from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.node import StackNode
 from robot_stack.mission.events import Status
 from robot_stack.mission.nodes.docking_client import DockingClient
+from robot_stack.mission.nodes.navigation_client import NavigationClient
 from robot_stack.mission.params import MissionParams
 
 
 class MissionOutputs:
-    """Publishers of the node ``mission_manager``, and its goals to docking: the kernel's ``perform.Outputs``."""
+    """Publishers of the node ``mission_manager``, and its goals: the kernel's ``perform.Outputs``."""
 
     def __init__(
-        self, node: StackNode, params: MissionParams, docking: DockingClient, motion_warnings: MotionWarnings
+        self,
+        node: StackNode,
+        params: MissionParams,
+        navigation: NavigationClient,
+        docking: DockingClient,
+        motion_warnings: MotionWarnings,
     ) -> None:
-        self._node, self._params = node, params
+        self._node, self._params, self._navigation = node, params, navigation
         self._docking, self._motion_warnings = docking, motion_warnings
         self._status = node.advertise(topics.MISSION_STATUS)
         self._goal = node.advertise(topics.GOAL_POSE)
@@ -32,16 +37,15 @@ class MissionOutputs:
         self._display: int | None = None
         self.reason = ""
 
-    @property
-    def navigators(self) -> int:
-        """Number of subscribers to goals."""
-        return int(self._goal.get_subscription_count())
+    def send_goal(self, call: int, pose: Pose2) -> None:
+        self._navigation.send(call, pose)
 
-    def send_goal(self, pose: Pose2) -> None:
-        self._goal.publish(pose_stamped(pose, frames.MAP, self._node.stamp()))
-
-    def cancel_goal(self) -> None:
-        message = PoseStamped()  # an empty frame cancels
+    def cancel_goal(self, everything: bool) -> None:
+        if not everything:
+            self._navigation.cancel()
+            return
+        self._navigation.cancel_everything()
+        message = PoseStamped()  # an empty frame ends also a goal that was given on /goal_pose
         message.header.stamp = self._node.stamp()
         self._goal.publish(message)
 

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from nav_msgs.msg import Odometry
-from nav_msgs.msg import Path as PlannedPath
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
@@ -22,6 +21,7 @@ from robot_stack.mission.journal import SqliteJournal
 from robot_stack.mission.states import State
 from sim.scheduler.process import Process
 from tests.simulated.bench import Bench
+from tests.simulated.nodes.navigation import FakeNavigation
 
 MISSION = """
 id: ride
@@ -50,7 +50,8 @@ class World:
         self.safety = SafetyStatus(safety_state="NORMAL")
         self.charge = 0.8
         self.supply = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
-        self.status, self.goals = bench.listen(topics.MISSION_STATUS), bench.listen(topics.GOAL_POSE)
+        self.status, self.goal_poses = bench.listen(topics.MISSION_STATUS), bench.listen(topics.GOAL_POSE)
+        self.navigation = FakeNavigation(bench)
         self.stops, self.display = bench.listen(topics.EMERGENCY_STOP), bench.listen(topics.EHMI_STATE_COMMAND)
         for row in (topics.UI_COMMAND, topics.EMERGENCY_STOP):
             bench.publisher(row)
@@ -99,10 +100,20 @@ class World:
         )
 
     def goal(self, x: float) -> PoseStamped:
-        return self.goals.wait(lambda goal: goal.header.frame_id == "map" and goal.pose.position.x == x, f"goal {x}")
+        """Waits until navigation has the goal."""
+
+        def found() -> Any:
+            goal = self.navigation.goal
+            return goal is not None and goal.request.pose.pose.position.x == x and goal
+
+        pose: PoseStamped = self.bench.wait(found, f"goal {x}").request.pose
+        assert pose.header.frame_id == "map"
+        return pose
 
     def no_goal(self) -> None:
-        self.goals.wait(lambda goal: goal.header.frame_id == "", "the goal cancelled", 1.0)
+        """Waits until the goals of this node and all others are cancelled."""
+        self.bench.wait(lambda: self.navigation.goal is None, "the goal cancelled", 1.0)
+        self.goal_poses.wait(lambda goal: goal.header.frame_id == "", "the goals of others cancelled", 1.0)
 
     def kill(self) -> None:
         assert self.node is not None
@@ -183,7 +194,7 @@ def test_people_are_warned_before_it_sets_out(world):
     shows(world, Display.NAVIGATING)
     warned_s = next(at_s for at_s, shown in world.display.items if shown.state_num == Display.NAVIGATING)
     world.goal(2.0)
-    assert world.goals.times_s[-1] - warned_s == pytest.approx(2.0, abs=0.11)
+    assert world.navigation.goals[-1][0] - warned_s == pytest.approx(2.0, abs=0.11)
 
 
 def test_pause_resume_and_abort(world):
@@ -216,14 +227,14 @@ def test_refusals(world, command, mission_id, why):
     assert not answer.last_command_accepted
     assert why in answer.reason
     assert answer.state == "IDLE"
-    assert world.goals.items == []
+    assert world.navigation.goals == []
 
 
 def test_a_low_battery_refuses(world):
     world.charge = 0.2
     world.launch()
     assert "battery at 20%" in world.command("START_MISSION", "ride").reason
-    assert world.goals.items == []
+    assert world.navigation.goals == []
 
 
 def test_charge_is_taken_from_the_robot_status_without_battery_state(world):
@@ -289,17 +300,48 @@ def test_status_at_1_hz_while_active(world):
 
 
 def test_a_goal_reaches_a_navigation_controller_that_starts_later(world):
+    world.navigation.process.kill()
     world.launch()
     world.command("START_MISSION", "ride")
-    world.bench.publish(topics.PLAN, plan_to(world.goal(2.0)))  # confirmed, so the manager does not repeat it
-    late = world.bench.peer("late")
-    late.listen(topics.GOAL_POSE).wait(lambda goal: goal.pose.position.x == 2.0, "the goal")
+    world.status.wait(lambda s: "waiting for navigation_controller" in s.reason, "the reason to wait")
+    world.bench.start_again(world.navigation.process)
+    world.goal(2.0)
 
 
-def plan_to(goal: PoseStamped) -> PlannedPath:
-    path = PlannedPath(poses=[goal])
-    path.header.frame_id = "map"
-    return path
+def test_a_restarted_navigation_controller_receives_the_goal_once(world):
+    world.launch()
+    world.command("START_MISSION", "ride")
+    world.goal(2.0)
+    world.bench.run(5.0)
+    assert len(world.navigation.goals) == 1
+    world.navigation.process.kill()
+    world.bench.start_again(world.navigation.process)
+    world.goal(2.0)
+    world.bench.run(5.0)
+    assert len(world.navigation.goals) == 2
+
+
+def test_an_aborted_goal_is_sent_again_and_its_reason_shown_when_the_tries_are_over(world):
+    world.launch(goal_retry_s=1.0, progress_timeout_s=2.0, tries=2)
+    world.command("START_MISSION", "ride")
+    world.goal(2.0)
+    while world.status.last.state == "RUNNING":
+        world.navigation.end(208, "goal refused: no path")
+        world.bench.run(0.5)
+    assert world.status.last.state == "FAILED"
+    assert world.status.last.reason.endswith("try 2 of 2; navigation: goal refused: no path (error 208)")
+    assert len(world.navigation.goals) >= 2
+
+
+def test_a_goal_is_preempted_by_the_next_one(world):
+    world.launch()
+    world.command("START_MISSION", "ride")
+    world.goal(2.0)
+    world.pose = Pose2(1.7, 0.0, 0.0)
+    world.goal(4.0)
+    assert world.navigation.ended == ["aborted"], "without a cancellation, which would stop the robot"
+    world.bench.run(5.0)
+    assert len(world.navigation.goals) == 2
 
 
 def test_sigkill_during_a_mission_restores_it_paused_with_the_passenger(world):
@@ -314,14 +356,16 @@ def test_sigkill_during_a_mission_restores_it_paused_with_the_passenger(world):
     kept = SqliteJournal(world.journal).load()
     assert (kept.state, kept.waypoint, kept.passenger_attached) == (State.RUNNING, 1, True)
 
-    killed_s = world.bench.now_s
+    sent = len(world.navigation.goals)
     world.launch()
     status = world.status.wait(lambda s: s.state == "PAUSED", "PAUSED")
     assert (status.mission_id, status.current_waypoint, status.waypoints_completed) == ("ride", "second", 1)
     assert status.passenger_attached
     assert "restarted while RUNNING" in status.reason
+    world.bench.wait(lambda: world.navigation.goal is None, "the goal cancelled", 1.0)
+    assert world.navigation.ended[-1] == "canceled", "the goal of the process that was killed"
     world.bench.run(5.0)
-    assert all(goal.header.frame_id == "" for goal in world.goals.since(killed_s)), "it never moves by itself"
+    assert len(world.navigation.goals) == sent, "it never moves by itself"
     assert world.command("RESUME").state == "RUNNING"
     world.goal(4.0)
 
@@ -360,7 +404,7 @@ def test_a_journal_that_cannot_be_written_refuses_to_start(world):
     answer = world.command("START_MISSION", "ride")
     assert not answer.last_command_accepted
     assert "the journal cannot be written" in answer.reason
-    assert world.goals.items == []
+    assert world.navigation.goals == []
 
 
 @pytest.mark.parametrize("full", [True, False], ids=["full", "broken"])

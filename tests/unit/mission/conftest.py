@@ -61,22 +61,23 @@ class Story:
         self.kernel = MissionKernel(params, DEPARTURE, record, problem, DOCKS)
         self.performer = Performer(self.kernel, self.journal, self)
         self.now_s = 1000.0
-        self.inputs = ev.Inputs(Pose2(0.0, 0.0, 0.0), STILL, False, True, (), 0.8, None, True, "IDLE")
+        self.inputs = ev.Inputs(Pose2(0.0, 0.0, 0.0), STILL, False, True, (), 0.8, False, True, True, "IDLE")
         self.log: list[object] = []
         self.warnings: list[float] = []  # published seconds until departure
         self.statuses: list[ev.Status] = []
-        self.goal: Pose2 | None = None
+        self.goal: Pose2 | None = None  # that was sent and not cancelled
+        self.goal_call = 0  # the number of the newest goal
         self.call: int | None = None  # the docking goal that was sent and not cancelled
         self.performer.start_up(self.inputs, self.now_s)
 
     # outputs
-    def send_goal(self, pose: Pose2) -> None:
-        self.goal = pose
+    def send_goal(self, call: int, pose: Pose2) -> None:
+        self.goal, self.goal_call = pose, call
         self.log.append(("goal", pose))
 
-    def cancel_goal(self) -> None:
+    def cancel_goal(self, everything: bool) -> None:
         self.goal = None
-        self.log.append("cancel")
+        self.log.append("cancel all" if everything else "cancel")
 
     def start_docking(self, call: int, kind: Kind, dock_id: str) -> None:
         self.call = call
@@ -140,6 +141,14 @@ class Story:
     def reach(self, x: float) -> Story:
         """Stands at x until the waypoint counts as reached."""
         return self.at(x).tick(self.params.settle_s + 2 * TICK_S)
+
+    def drives(self, distance_m: float) -> Story:
+        """Navigation's feedback: the length left of its plan."""
+        return self.happens(ev.NavigationFeedback(self.goal_call, distance_m))
+
+    def aborts(self, code: int = 104, reason: str = "gave up") -> Story:
+        """Navigation ends the goal."""
+        return self.happens(ev.NavigationAborted(self.goal_call, code, reason))
 
     def emergency(self, active: bool) -> Story:
         self.given(emergency_stop=active)

@@ -5,12 +5,9 @@ from __future__ import annotations
 import pytest
 
 from robot_stack.contract.display import Display
-from robot_stack.core.geometry import Pose2
 from robot_stack.mission import events as ev
 
 from .conftest import DEPARTURE, TICK_S, DockStory
-
-GOAL = Pose2(5.0, 0.0, 0.0)
 
 
 @pytest.fixture
@@ -21,16 +18,16 @@ def story(params) -> DockStory:
 
 @pytest.mark.parametrize(("aboard", "driving"), [(False, Display.NAVIGATING), (True, Display.TRANSPORT)])
 def test_a_goal_by_hand_shows_that_it_drives_from_the_warning_on(story, aboard, driving):
-    story.attach(aboard).given(plan_end=GOAL, setting_out=True).tick(0.5)
+    story.attach(aboard).given(planned=True, setting_out=True).tick(0.5)
     assert story.status.display == driving
     story.at(0.2, speed=0.5).given(setting_out=False).tick(3.0)
     assert story.status.display == driving
-    story.at(5.0).given(plan_end=None).tick()
+    story.at(5.0).given(planned=False).tick()
     assert story.status.display == (Display.PASSENGER_ONBOARD if aboard else Display.IDLE)
 
 
 def test_standstill_on_manual_goal_displays_obstacle_until_next_departure(story):
-    story.at(0.5, speed=0.5).given(plan_end=GOAL).tick().at(0.5).tick(2.0)
+    story.at(0.5, speed=0.5).given(planned=True).tick().at(0.5).tick(2.0)
     assert story.status.display == Display.NAVIGATING
     story.tick(1.5)
     assert story.status.display == Display.OBSTACLE
@@ -48,7 +45,7 @@ def test_standstill_on_manual_goal_displays_obstacle_until_next_departure(story)
     ],
 )
 def test_cause_of_hold_on_manual_goal_is_displayed(story, inputs, display):
-    story.given(plan_end=GOAL, **inputs).tick()
+    story.given(planned=True, **inputs).tick()
     assert story.status.display == display
 
 
@@ -60,7 +57,7 @@ def test_after_a_mission_that_ended_badly_a_goal_drives_it_home(story, ended):
             story.stall()
     else:
         story.command(ended)
-    story.given(plan_end=GOAL, setting_out=True).tick()
+    story.given(planned=True, setting_out=True).tick()
     assert story.status.display == Display.NAVIGATING
 
 
@@ -82,7 +79,7 @@ def test_a_docking_by_hand(story, aboard, docking_state, setting_out, display):
 
 
 def test_an_emergency_stop_wins(story):
-    story.given(plan_end=GOAL, setting_out=True).emergency(True).tick()
+    story.given(planned=True, setting_out=True).emergency(True).tick()
     assert story.status.display == Display.EMERGENCY_STOP
 
 

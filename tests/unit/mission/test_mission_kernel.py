@@ -38,7 +38,7 @@ def test_comes_up_idle_and_silent(story):
 def test_start_journals_before_the_goal_leaves(story):
     order: list[str] = []
     story.journal.save = lambda record: order.append(record.state.value)
-    story.send_goal = lambda pose: order.append(f"goal {pose.x}")
+    story.send_goal = lambda call, pose: order.append(f"goal {pose.x}")
     story.start("park")
     assert order == ["RUNNING", "goal 2.0"]
 
@@ -140,7 +140,7 @@ def test_start_again_after_the_end(story):
 def test_pause_takes_the_goal_away_and_resume_goes_to_the_same_waypoint(story):
     story.start("pass", "park").at(2.0, speed=1.0).tick().at(3.0).clear()
     story.command(ev.PAUSE)
-    assert (story.state, story.goal, story.log) == (State.PAUSED, None, ["cancel"])
+    assert (story.state, story.goal, story.log) == (State.PAUSED, None, ["cancel all"])
     story.tick(60.0)
     assert story.goals() == []
     assert story.status.reason == "paused by command; RESUME goes on"
@@ -154,7 +154,7 @@ def test_the_stop_of_a_pause_does_not_wait_for_the_journal(story):
     story.start("park")
     order: list[str] = []
     story.journal.save = lambda record: order.append(record.state.value)
-    story.cancel_goal = lambda: order.append("cancel")
+    story.cancel_goal = lambda everything: order.append("cancel")
     story.command(ev.PAUSE)
     assert order == ["cancel", "PAUSED"]
 
@@ -278,7 +278,7 @@ def test_emergency_stop_until_release_and_resume(story, prepare):
     if prepare == "paused":
         story.command(ev.PAUSE)
     story.clear().emergency(True)
-    assert (story.state, story.goal, story.log) == (State.STOPPED, None, ["cancel"])
+    assert (story.state, story.goal, story.log) == (State.STOPPED, None, ["cancel all"])
     assert story.status.state == "PAUSED"
     assert story.status.reason.startswith("emergency stop")
     assert story.status.display == Display.EMERGENCY_STOP
@@ -313,7 +313,7 @@ def test_emergency_stop_without_a_mission_changes_no_state(story):
 
 def test_the_emergency_stop_command_publishes_first_then_stands(story):
     story.start("park").clear().command(ev.EMERGENCY_STOP)
-    assert story.log == [("emergency_stop", True), "cancel"]
+    assert story.log == [("emergency_stop", True), "cancel all"]
     assert story.state is State.STOPPED
     assert story.status.last_command_accepted
 
@@ -328,7 +328,7 @@ def test_the_emergency_stop_command_works_with_a_full_disk(story):
     story.start("park").clear()
     story.journal.problem = "full"
     story.command(ev.EMERGENCY_STOP)
-    assert story.log == [("emergency_stop", True), "cancel"]
+    assert story.log == [("emergency_stop", True), "cancel all"]
     assert story.state is State.STOPPED
     assert story.status.last_command_accepted
     assert "the journal cannot be written: full" in story.status.reason
@@ -373,7 +373,7 @@ def test_three_tries_then_failed(story):
 
 
 def test_a_try_takes_the_goal_away_before_it_gives_it_again(story):
-    story.start("park").at(0.3).given(plan_end=Pose2(2.0, 0.0, 0.0)).clear()
+    story.start("park").at(0.3).clear()
     story.tick(story.params.progress_timeout_s + 3 * TICK_S)
     assert story.log == ["cancel", ("goal", Pose2(2.0, 0.0, 0.0))]
 
@@ -390,14 +390,14 @@ def test_a_way_around_is_progress(story):
     story.start("park").at(0.0)
     for step in range(400):  # 0.1 m/s for 40 s
         away_m = 0.01 * min(step, 400 - step)
-        story.at(-away_m, speed=0.1).given(detour_m=8.0 - 0.01 * step - away_m).tick()
+        story.at(-away_m, speed=0.1).drives(10.0 - 0.01 * step).tick()
     assert story.kernel.record.failed_tries == 0
 
 
 def test_alternating_plans_count_as_no_progress(story):
     story.start("park").at(0.3)
     for step in range(round((story.params.progress_timeout_s + DEPARTURE.warning_s + 0.5) / TICK_S)):
-        story.given(detour_m=3.0 if step % 20 < 10 else 0.0).tick()
+        story.drives(4.7 if step % 20 < 10 else 1.7).tick()
     assert story.kernel.record.failed_tries == 1
 
 
@@ -444,42 +444,105 @@ def test_tries_begin_afresh_at_the_next_waypoint_and_after_resume(story):
 # --- navigation controller -------------------------------------------------------------------------------------------
 
 
-def test_a_goal_without_a_plan_is_sent_again(story):
-    story.start("park").clear().tick(4.5)
-    assert story.goals() == [2.0, 2.0]  # one attempt every 2 s
-
-
-def test_a_goal_with_its_plan_is_not_sent_again(story):
-    story.start("park").given(plan_end=Pose2(2.0, 0.0, 0.0)).clear().tick(10.0)
+def test_a_goal_is_sent_once(story):
+    story.start("park").clear().happens(ev.NavigationAccepted(story.goal_call)).tick(10.0)
     assert story.goals() == []
 
 
-def test_a_foreign_plan_is_replaced(story):
-    story.start("park").given(plan_end=Pose2(9.0, 9.0, 0.0)).clear().tick(2.5)
+ENDS = {
+    "aborted": lambda call: ev.NavigationAborted(call, 208, "no path"),
+    "preempted": lambda call: ev.NavigationAborted(call, 0, "preempted by a newer goal"),
+    "rejected": ev.NavigationRejected,
+    "cancelled by another client": ev.NavigationCanceled,
+    "reached, but not the waypoint": ev.NavigationSucceeded,
+}
+
+
+@pytest.mark.parametrize("end", ENDS.values(), ids=ENDS)
+def test_a_goal_that_ends_before_the_waypoint_is_sent_again_after_a_pause(story, end):
+    story.start("park").clear().happens(end(story.goal_call)).tick(1.8)
+    assert story.goals() == []
+    story.tick(0.3)
+    assert story.goals() == [2.0]
+    story.tick(5.0)
+    assert story.goals() == [2.0], "once for each end"
+
+
+def test_aborted_goals_fail_the_try_by_the_progress_alone(story):
+    """A refusal may pass, as one while the controller still has the emergency stop."""
+    story.start("park").at(0.3)
+    begun_s = story.now_s
+    while story.kernel.record.failed_tries == 0:
+        story.aborts(208, "goal refused: no path").tick(2.2)
+    assert story.now_s - begun_s == pytest.approx(story.params.progress_timeout_s + DEPARTURE.warning_s, abs=2.3)
+    while story.state is State.RUNNING:
+        story.aborts(208, "goal refused: no path").tick(2.2)
+    assert story.state is State.FAILED
+    assert story.status.reason.endswith("try 3 of 3; navigation: goal refused: no path (error 208)")
+
+
+def test_the_reason_of_an_earlier_goal_is_not_shown(story):
+    story.start("park").at(0.3).aborts(104, "gave up").tick(3.0).stall()
+    assert "navigation" not in story.status.reason
+
+
+@pytest.mark.parametrize("end", ENDS.values(), ids=ENDS)
+def test_events_of_an_earlier_goal_are_ignored(story, end):
+    story.start("pass", "park")
+    call = story.goal_call
+    story.at(1.7).tick().clear().happens(end(call)).happens(ev.NavigationLost(call)).tick(5.0)
+    assert story.goals() == []
+
+
+def test_a_lost_goal_is_sent_again_at_once(story):
+    """The navigation controller has restarted."""
+    story.start("park").tick(1.0).clear().happens(ev.NavigationLost(story.goal_call)).tick()
     assert story.goals() == [2.0]
 
 
-def test_a_restarted_navigation_controller_gets_the_goal(story):
-    story.start("park").given(plan_end=Pose2(2.0, 0.0, 0.0)).tick(1.0).clear()
-    story.happens(ev.NavigationAppeared())
-    assert story.goals() == [2.0]
+def test_without_a_navigation_controller_the_tries_fail(story):
+    story.start("park").at(0.3).given(navigation_served=False).happens(ev.NavigationLost(story.goal_call)).clear()
+    story.tick()
+    assert story.status.reason == "waiting for navigation_controller"
+    begun_s = story.now_s
+    while story.state is State.RUNNING:
+        story.tick()
+    assert story.state is State.FAILED
+    assert story.goals() == []
+    assert story.status.reason.endswith("try 3 of 3; navigation: no navigation_controller")
+    assert story.now_s - begun_s == pytest.approx(3.0 * story.params.progress_timeout_s, abs=1.0)
 
 
-@pytest.mark.parametrize("state", ["IDLE", "WAITING", "COMPLETED"])
-def test_a_navigation_controller_is_left_alone_otherwise(story, state):
+def test_a_waypoint_is_reached_without_a_navigation_controller(story):
+    """It ended after it had driven the robot there."""
+    story.start("park").at(1.9, speed=0.1).tick().given(navigation_served=False)
+    story.happens(ev.NavigationLost(story.goal_call)).reach(2.0)
+    assert story.state is State.COMPLETED
+
+
+def test_time_without_a_navigation_controller_does_not_count_while_the_robot_may_not_move(story):
+    story.start("park").at(0.3).given(navigation_served=False, faults=("COLLISION_IMMINENT",))
+    story.happens(ev.NavigationLost(story.goal_call)).tick(60.0)
+    assert story.kernel.record.failed_tries == 0
+    assert "held by safety" in story.status.reason
+
+
+@pytest.mark.parametrize("state", ["IDLE", "WAITING", "PAUSED", "COMPLETED"])
+def test_nothing_is_sent_after_a_loss_without_a_ride(story, state):
     if state != "IDLE":
-        story.start(WAIT_2S).reach(2.0)
+        story.start(WAIT_2S)
+    story.command(ev.PAUSE) if state == "PAUSED" else story.reach(2.0)
     if state == "COMPLETED":
         story.tick(3.0)
     assert story.state.value == state
-    story.clear().happens(ev.NavigationAppeared())
+    story.clear().happens(ev.NavigationLost(story.goal_call)).tick(1.0)
     assert story.log == []
 
 
-def test_while_paused_a_plan_is_taken_away_until_it_is_gone(story):
-    story.start("park").command(ev.PAUSE).given(plan_end=Pose2(2.0, 0.0, 0.0)).clear().tick(4.5)
-    assert story.log == ["cancel", "cancel"]
-    story.given(plan_end=None).clear().tick(10.0)
+def test_while_paused_a_goal_of_navigation_is_cancelled_until_it_is_gone(story):
+    story.start("park").command(ev.PAUSE).given(planned=True).clear().tick(4.5)
+    assert story.log == ["cancel all", "cancel all"]
+    story.given(planned=False).clear().tick(10.0)
     assert story.log == []
 
 
@@ -737,7 +800,7 @@ def test_a_restart_comes_up_paused_with_everything_as_it_was(params, state):
     mission = make_mission("pass", actions.get(state, "park"))
     story = Story(params, journaled(state, mission, waypoint=1, passenger_attached=True))
     assert story.state is State.PAUSED
-    assert story.log == ["cancel", "cancel all docking"], (
+    assert story.log == ["cancel all", "cancel all docking"], (
         "a navigation controller may still be driving for the one that died"
     )
     status = story.status
@@ -783,12 +846,6 @@ def test_damaged_journal_is_reported_until_next_start(params):
     story.start("park")
     assert story.state is State.RUNNING
     assert story.status.reason == ""
-
-
-def test_navigation_goal_is_cancelled_if_controller_appears_after_restart(params):
-    story = Story(params, journaled(State.RUNNING)).clear()
-    story.happens(ev.NavigationAppeared())
-    assert story.log == ["cancel"]
 
 
 # --- time ------------------------------------------------------------------------------------------------------------

@@ -35,7 +35,7 @@ changes = st.one_of(
     st.fixed_dictionaries({"safety_known": st.booleans()}),
     st.fixed_dictionaries({"faults": faults}),
     st.fixed_dictionaries({"battery": st.sampled_from([0.8, 0.1, float("nan")])}),
-    st.fixed_dictionaries({"plan_end": poses}),
+    st.fixed_dictionaries({"planned": st.booleans(), "navigation_served": st.booleans()}),
     st.fixed_dictionaries(
         {"docking_served": st.booleans(), "docking_state": st.sampled_from(["", "IDLE", "SERVOING"])}
     ),
@@ -46,12 +46,29 @@ docking = st.one_of(
     st.builds(ev.DockingFeedback, calls, st.sampled_from(["APPROACH", "FINE_ALIGN", "DOCKED", "?"]), st.integers(0, 3)),
     st.builds(ev.DockingEnded, calls, st.booleans(), st.sampled_from(["", "why"]), st.booleans()),
 )
+navigation = st.one_of(
+    st.builds(ev.NavigationFeedback, calls, st.sampled_from([0.0, 1.0, 9.0, float("nan"), float("inf")])),
+    st.builds(ev.NavigationAborted, calls, st.sampled_from([0, 104, 208]), st.just("why")),
+    st.builds(
+        lambda kind, call: kind(call),
+        st.sampled_from(
+            [
+                ev.NavigationAccepted,
+                ev.NavigationRejected,
+                ev.NavigationSucceeded,
+                ev.NavigationCanceled,
+                ev.NavigationLost,
+            ]
+        ),
+        calls,
+    ),
+)
 names = st.sampled_from([*ev.COMMANDS, "", "fly"])
 commands = st.builds(ev.Command, names, st.sampled_from(MISSIONS), st.just("unknown"))
 happenings = st.one_of(
     commands,
     st.builds(ev.EmergencyStopBegan),
-    st.builds(ev.NavigationAppeared),
+    navigation,
     st.builds(ev.PassengerChanged, st.booleans()),
     docking,
     st.builds(ev.Tick),
@@ -65,8 +82,9 @@ steps = st.lists(st.tuples(durations, st.none() | changes, happenings, disks), m
 class Watched(Story):
     """Asserts the preconditions whenever a goal is sent."""
 
-    def send_goal(self, pose: Pose2) -> None:
-        super().send_goal(pose)
+    def send_goal(self, call: int, pose: Pose2) -> None:
+        assert call > self.goal_call, "no number is used twice"
+        super().send_goal(call, pose)
         assert self.state is State.RUNNING
         assert not self.inputs.emergency_stop
         assert self.journal.records[-1].state is State.RUNNING, "the journal knew first"

@@ -225,8 +225,9 @@ def test_clearance_check_detects_blocked_route(transport):
     assert any(gap <= CLEARANCE_M for gap in clearances(shortcut).values())
 
 
-def test_detour_is_plan_length_minus_straight_line() -> None:
-    corner = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 4.0]])
-    assert route.detour_m(Pose2(0.1, -0.2, 0.0), corner) == pytest.approx(7.0 - 5.0)
-    assert route.detour_m(Pose2(2.9, 0.3, 0.0), corner) == 0.0, "the corner is passed"
-    assert route.detour_m(Pose2(0.0, 0.0, 0.0), np.empty((0, 2))) == 0.0
+def test_effort_is_the_length_of_the_plan_and_the_turn() -> None:
+    params, goal = load(MissionParams, "mission_manager"), Pose2(3.0, 4.0, 1.0)
+    turn_m = params.yaw_weight_m_per_rad
+    assert route.effort_m(START, goal, math.nan, params) == pytest.approx(5.0 + turn_m), "without a plan, straight"
+    assert route.effort_m(START, goal, 7.0, params) == pytest.approx(7.0 + turn_m)
+    assert route.effort_m(START, goal, 4.0, params) == pytest.approx(5.0 + turn_m), "never less than straight"
