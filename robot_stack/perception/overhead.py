@@ -31,14 +31,15 @@ class Overhead:
         self._params, self._motion = params, motion
         sensor = robot.range_sensors[frames.OVERHEAD_LIDAR]
         # A point within range_m of base_link is no farther from the sensor than this.
-        reach_m = params.overhead.range_m + math.hypot(*sensor.xyz_m)
+        near_m = params.overhead.range_m + math.hypot(*sensor.xyz_m)
+        wide_m = params.fast_bodies.space(params.space).reach_m
         self._view = SensorView(
-            robot, params, frames.OVERHEAD_LIDAR, (sensor.min_m, min(sensor.max_m, reach_m)), robot.mast
+            robot, params, frames.OVERHEAD_LIDAR, (sensor.min_m, min(sensor.max_m, wide_m)), robot.mast
         )
-        self._views = self._view.views(min(float(self._view.grid.edges_m[-1]), params.space.reach_m))
+        self._views = self._view.views(wide_m, min(near_m, params.space.reach_m))
         spacing_rad = (sensor.ring_spacing_rad, math.radians(sensor.span_deg) / sensor.columns)
         self._chair_edges = ChairEdges(self._view.mount, self._view.turned, self._view.cut[True][-1], spacing_rad)
-        self._crowd = crowd_of(sensor, params.obstacles, params.overhead.range_m)
+        self._crowd = crowd_of(sensor, params.obstacles, 0.5 * params.fast_bodies.size_m)
         self._stamp_s = -math.inf
         self._obstacles = _NOTHING
 
@@ -58,12 +59,13 @@ class Overhead:
             self._chair_edges.look(points)
             filter_params = self._params.mixed_pixels
             things = self._chair_edges.without_sparse(things, filter_params, filter_params.overhead_points_min)
-        self._obstacles = told = voxels(things, self._params.obstacles.voxel_m)
-        self._stamp_s = stamp_s
+        told = voxels(things, self._params.obstacles.voxel_m)
+        near = np.hypot(told[:, 0], told[:, 1]) <= self._params.overhead.range_m
+        self._obstacles, self._stamp_s = told[near], stamp_s
         look = self._views.view(stamp_s, seen.sensor_m, seen.tilt, told, seen.points, seen.profile)
         if chair:
             look = self._chair_edges.without(look)
-        return replace(look, specks=found)
+        return replace(look, specks=found, looked_s=self._view.looked_s(points))
 
     def at(self, stamp_s: float) -> Float:
         """(k, 3) base_link at the stamp; none from a frame that is older than ``keep_s``."""

@@ -245,6 +245,22 @@ class SpaceParams(Config):
         return 0.75 * self.size_m
 
 
+class FastBodyParams(Config):
+    """The coarser and larger grid in which bodies are tracked that are too fast for the first one.
+
+    All values: as in ``SpaceParams``; the others are those of the first grid.
+    """
+
+    size_m: Annotated[float, Field(ge=2.0, le=50.0)]
+    cell_m: Annotated[float, Field(ge=0.01, le=0.5)]
+    free_below_m: Positive
+    moving_objects: MovingObjectParams
+
+    def space(self, first: SpaceParams) -> SpaceParams:
+        """Parameters of this grid, given those of the first one."""
+        return first.model_copy(update=dict(self))
+
+
 class FootingParams(Config):
     """Where the ground falls.
 
@@ -278,5 +294,6 @@ class PerceptionParams(Config):
     overhead: OverheadParams
     mixed_pixels: MixedPixelParams
     space: SpaceParams
+    fast_bodies: FastBodyParams
     footing: FootingParams
     output: OutputParams

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +50,13 @@ class Scene:
     broken: int
 
 
+class Trackers(NamedTuple):
+    """Of one sensor: two sensors observe different sides of an object. fast: in the wide grid."""
+
+    slow: MovingObjects
+    fast: MovingObjects
+
+
 class Pipeline:
     """Everything but the inputs' health. The motion must be known at the given stamps."""
 
@@ -62,11 +71,12 @@ class Pipeline:
         self._chair_edges = ChairEdges(self._view.mount, self._view.turned, self._view.cut[True][-1], all_heights)
         self._outlines = {chair: self._outline(chair) for chair in (False, True)}
         self._last: tuple[float, Float] | None = None
-        self._views = self._view.views(params.space.reach_m)
-        self.space = Space(params.space, robot)
+        wide = params.fast_bodies.space(params.space)
+        self._views = self._view.views(wide.reach_m, params.space.reach_m)
+        self.space, self._wide_space = Space(params.space, robot), Space(wide, robot)
         self.footing = Footing(params.footing, params.space)
-        tracked = params.space.moving_objects
-        self._tracker, self._overhead_tracker = MovingObjects(tracked), MovingObjects(tracked)
+        tracked = params.space.moving_objects, wide.moving_objects
+        self._trackers, self._overhead_trackers = (Trackers(*(MovingObjects(one) for one in tracked)) for _ in range(2))
         self._overhead: Overhead | None = None
         if frames.OVERHEAD_LIDAR in robot.range_sensors:
             self._overhead = Overhead(robot, params, self.motion)
@@ -76,9 +86,10 @@ class Pipeline:
         """Clears all stored observations."""
         self._last = None
         self.space.forget()
+        self._wide_space.forget()
         self.footing.forget()
-        self._tracker.forget()
-        self._overhead_tracker.forget()
+        for tracker in (*self._trackers, *self._overhead_trackers):
+            tracker.forget()
         if self._overhead is not None:
             self._overhead.forget()
 
@@ -86,7 +97,7 @@ class Pipeline:
         """A frame of the overhead LiDAR: adds its obstacles to the next scenes and its rays to the space model."""
         if self._overhead is not None:
             look = self._overhead.take(points, stamp_s, self.chair)
-            self._observe(look, self.motion.pose_at(stamp_s), self._overhead_tracker)
+            self._observe(look, self.motion.pose_at(stamp_s), self._overhead_trackers)
 
     def scene(self, points: Points, stamp_s: float, obstructed: NDArray[np.bool_] | None = None) -> Scene:
         """Obstacles of the points and of the model of the space, which every sweep updates.
@@ -110,11 +121,13 @@ class Pipeline:
         look = self._views.view(stamp_s, seen.sensor_m, seen.tilt, fresh, seen.points, seen.profile)
         if self.chair:
             look = self._chair_edges.without(look)
-        self._observe(replace(look, specks=specks), pose, self._tracker)
+        look = replace(look, specks=specks, looked_s=self._view.looked_s(points))
+        self._observe(look, pose, self._trackers)
         known = self.space.remembered(pose, stamp_s - self._params.output.keep_s)
         shown = self._with_other_half(fresh, seen.profile, stamp_s)
         obstacles = np.concatenate([shown, self._from_above(stamp_s), known, close, self._falls(pose)])
-        moving = np.concatenate([tracker.at(stamp_s, pose) for tracker in (self._tracker, self._overhead_tracker)])
+        trackers = (*self._trackers, *self._overhead_trackers)
+        moving = np.concatenate([tracker.at(stamp_s, pose) for tracker in trackers])
         return Scene(stamp_s, obstacles, self.space.frontier(pose), self.footing.ends(pose), moving, broken)
 
     def grid(self) -> SpaceGrid:
@@ -122,14 +135,18 @@ class Pipeline:
         known = self.space.grid()
         return replace(known, state=np.where(self.footing.drop, OCCUPIED, known.state))
 
-    def _observe(self, look: View, pose: Pose2, tracker: MovingObjects) -> None:
-        """tracker: the tracker of the same sensor."""
+    def _observe(self, look: View, pose: Pose2, trackers: Trackers) -> None:
+        """trackers: those of the same sensor. A lost fast body is not stored: it is predicted for ``coast_s``."""
         self.space.chair(self.chair)
         self.space.observe(look, pose)
         own = self._robot.footprint_with_chair if self.chair else self._robot.footprint
         self.footing.observe(look.floor, look.tilt, pose, own)
-        for body, vx_mps, vy_mps in tracker.look(self.space.come(look, pose), look.stamp_s, self.space.would_see):
+        for body, vx_mps, vy_mps in trackers.slow.look(self.space.come(look, pose), look.stamp_s, self.space.would_see):
             self.space.go_on(body, vx_mps, vy_mps, pose)
+        wide = self._wide_space
+        wide.chair(self.chair)
+        wide.observe(look, pose)
+        trackers.fast.look(wide.come(look, pose), look.stamp_s, wide.would_see, partial(look.seen_at_s, pose))
 
     def points(self, points: Points, stamp_s: float) -> tuple[Float, int]:
         """Cropped and de-skewed: (n, 3) base_link at the stamp, and how many points were not finite."""

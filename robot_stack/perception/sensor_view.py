@@ -15,9 +15,12 @@ from robot_stack.perception.crop import beside_mast, boxes, crop
 from robot_stack.perception.deskew import LEVEL, Attitude, Motion, deskew
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.polar import Sorted, make_grid, sort_points
-from robot_stack.perception.space.view import SweepViews
+from robot_stack.perception.space.view import SweepViews, direction_of
 
 Float = NDArray[np.float32]
+Floats = NDArray[np.float64]
+_DIRECTIONS = 180
+_SAMPLE = 3000  # points of a sweep, whose times are evaluated
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +67,10 @@ class SensorView:
         self._range_m, self._mast = range_m, mast
         self._margin_rad = params.crop.mast_columns * math.radians(sensor.span_deg) / sensor.columns
 
-    def views(self, reach_m: float) -> SweepViews:
-        """Makes views of its sweeps, up to ``reach_m``."""
+    def views(self, reach_m: float, floor_m: float) -> SweepViews:
+        """Makes views of its sweeps, with rays up to ``reach_m`` and ground up to ``floor_m``."""
         up, slope_deg = self._sensor.highest_slope(), self._params.ground.max_slope_deg
-        return SweepViews(self.grid, reach_m, self._reach.ring_spacing_rad, slope_deg, up)
+        return SweepViews(self.grid, reach_m, floor_m, self._reach.ring_spacing_rad, slope_deg, up)
 
     def points(self, points: Points, stamp_s: float, motion: Motion, chair: bool) -> tuple[Float, int]:
         """Cropped and de-skewed: (n, 3) base_link at the stamp, and how many points were not finite."""
@@ -78,6 +81,20 @@ class SensorView:
         oldest_s = max(float(times.min()), -self._params.deskew.longest_s) if len(times) else 0.0
         steps = motion.steps(stamp_s, oldest_s)
         return deskew(xyz, times, steps, self._params.deskew.step_s, out=xyz), broken
+
+    def looked_s(self, points: Points) -> Floats:
+        """Mean times of a sweep's points by direction, as in ``View``."""
+        some = points[:: len(points) // _SAMPLE + 1]
+        xyz = np.stack([some["x"], some["y"], some["z"]], axis=1)
+        x, y, _ = (xyz if self.turned is None else xyz @ self.turned.T).T
+        known = np.isfinite(x + y)
+        sectors = direction_of(x[known], y[known], _DIRECTIONS)
+        count = np.bincount(sectors, minlength=_DIRECTIONS)
+        total = np.bincount(sectors, some["time"][known], minlength=_DIRECTIONS)
+        found = np.flatnonzero(count)
+        if not len(found):
+            return np.zeros(_DIRECTIONS)
+        return np.interp(np.arange(_DIRECTIONS), found, total[found] / count[found], period=_DIRECTIONS)
 
     def segment(self, xyz: Float, attitude: Attitude | None = None) -> Segmented:
         """Ground and other points. xyz: (n, 3) base_link; attitude None: the robot's own plane is assumed level."""

@@ -126,9 +126,14 @@ class MovingObjects:
         self._tracks.clear()
 
     def look(
-        self, points: Floats, stamp_s: float, would_see: Callable[[float, float, float], bool]
+        self,
+        points: Floats,
+        stamp_s: float,
+        would_see: Callable[[float, float, float], bool],
+        seen_at_s: Callable[[float, float], float] | None = None,
     ) -> list[tuple[Floats, float, float]]:
         """points: (n, 5) from ``Space.come``. would_see: whether rays pass at a place in odom, x, y, below a height.
+        seen_at_s: when the sensor last looked at a place in odom; None: at the stamp.
 
         Returns objects that disappeared into unobserved space: (n, 3) points at their last place, vx, vy."""
         p = self._params
@@ -145,10 +150,13 @@ class MovingObjects:
         self._tracks = there
         for track in self._tracks:
             track.predict(stamp_s, p.acceleration_mps2)
-        for body, nearest in self._matched(self._bodies(points)):
+        at_s = seen_at_s or (lambda x, y: stamp_s)
+        bodies = [(body, at_s(*_middle(body))) for body in self._bodies(points)]
+        for body, body_s, nearest in self._matched(bodies):
             x, y = _middle(body)
             if nearest is not None:
-                nearest.seen_s, nearest.hid = stamp_s, False
+                nearest.predict(body_s, p.acceleration_mps2)
+                nearest.seen_s, nearest.hid = body_s, False
                 before, count = nearest.count, float(body[:, 4].sum())
                 nearest.count = max(0.9 * before, count)
                 if nearest.moves and self._goes_out_of_sight(nearest, body, would_see):
@@ -178,24 +186,27 @@ class MovingObjects:
             elif body[:, 3] @ body[:, 4] >= p.points_min:  # returns in unseen cells only may be static
                 shape, sigma_m = body[:, :3] - (x, y, 0.0), p.place_sigma_m
                 begin = (x, y)
-                track = Track(stamp_s, stamp_s, stamp_s, begin, x, y, shape, sigma_m**2, p.fastest_mps**2 / 4.0)
+                track = Track(body_s, body_s, body_s, begin, x, y, shape, sigma_m**2, p.fastest_mps**2 / 4.0)
                 track.count = float(body[:, 4].sum())
                 self._tracks.append(track)
         return [(self._points(track, track.seen_s)[:, :3], track.vx, track.vy) for track in lost if track.moves]
 
-    def _matched(self, bodies: list[Floats]) -> list[tuple[Floats, Track | None]]:
-        """Assigns each body to a track or None: of all pairs within the gate, nearest first."""
+    def _matched(self, bodies: list[tuple[Floats, float]]) -> list[tuple[Floats, float, Track | None]]:
+        """Assigns each body, with its time, to a track or None: of all pairs within the gate, nearest first."""
         pairs = list[tuple[float, int, int]]()
-        for i, body in enumerate(bodies):
+        for i, (body, body_s) in enumerate(bodies):
             x, y = _middle(body)
-            gaps = ((math.hypot(track.x - x, track.y - y), i, j) for j, track in enumerate(self._tracks))
-            pairs += [pair for pair in gaps if pair[0] <= self._params.gate_m]
+            for j, track in enumerate(self._tracks):
+                dt = body_s - track.at_s
+                gap_m = math.hypot(track.x + dt * track.vx - x, track.y + dt * track.vy - y)
+                if gap_m <= self._params.gate_m:
+                    pairs.append((gap_m, i, j))
         found, taken = dict[int, Track](), set[int]()
         for _, i, j in sorted(pairs):
             if i not in found and j not in taken:
                 found[i] = self._tracks[j]
                 taken.add(j)
-        return [(body, found.get(i)) for i, body in enumerate(bodies)]
+        return [(*body, found.get(i)) for i, body in enumerate(bodies)]
 
     def at(self, stamp_s: float, pose: Pose2) -> NDArray[np.float32]:
         """(n, 5) x, y, z, vx, vy in base_link at ``pose``, m, m/s: points of moving objects, predicted to the stamp."""

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.core.compiled import compiled
+from robot_stack.core.geometry import Pose2
 from robot_stack.perception.cells import DROP, EMPTY, FLOOR, STEP, TALL
 from robot_stack.perception.ground import Profile
 from robot_stack.perception.polar import COUNT, DISTANCE, GROUND_M, HEIGHT, TOP, PolarGrid, Sorted
@@ -24,6 +25,7 @@ BIN_M = 0.05  # of the distances
 Mask = NDArray[np.bool_]
 _NOTHING: Float = np.empty((0, 3), np.float32)
 _NO_FLOOR: Float = np.empty((0, 4), np.float32)
+_AT_ONCE = np.zeros(1)
 _MOST_FLOOR = 60_000
 _RINGS = np.float32(2.2)  # allows for one missing ring of ground
 RISE_M = 0.10  # assumed height of an object above the hit of a single beam
@@ -41,7 +43,8 @@ class View:
     (directions, bins) height of the ground. specks: (n, 3) returns that may be too few for an object: they keep an
     existing one. bare: (directions, bins) ground returned from there, and nothing above it. floor:
     (k, 4) x, y, z of ground, base_link levelled, and its number of returns, 0 between two rings. tilt: by how much
-    base_link's x and y axes rise. up: slope of the sensor's highest beam; inf where that does not matter.
+    base_link's x and y axes rise. up: slope of the sensor's highest beam; inf where that does not matter. looked_s:
+    (k,) when the sensor looked in each of k directions, relative to the stamp.
     """
 
     stamp_s: float
@@ -54,6 +57,19 @@ class View:
     floor: Float = field(default_factory=lambda: _NO_FLOOR)
     tilt: tuple[float, float] = (0.0, 0.0)
     up: float = math.inf
+    looked_s: NDArray[np.float64] = field(default_factory=lambda: _AT_ONCE)
+
+    def seen_at_s(self, pose: Pose2, x_m: float, y_m: float) -> float:
+        """The time at which the sensor looked at a place in odom; base_link was at ``pose`` at the stamp."""
+        place = Pose2(x_m, y_m, 0.0).relative_to(pose)
+        x, y = place.x - self.origin_m[0], place.y - self.origin_m[1]
+        return self.stamp_s + float(self.looked_s[direction_of(x, y, len(self.looked_s))])
+
+
+def direction_of(x: Any, y: Any, directions: int) -> Any:
+    """Index of the direction that holds the bearing of (x, y), numbers or arrays."""
+    share = np.arctan2(y, x) / (2.0 * math.pi) + 0.5
+    return np.minimum((share * directions).astype(np.int64), directions - 1)
 
 
 def view_of_beams(
@@ -84,11 +100,14 @@ def view_of_beams(
 class SweepViews:
     """Views of a spinning sensor, from the cells of its sorted points."""
 
-    def __init__(self, grid: PolarGrid, reach_m: float, spacing_rad: float, slope_deg: float, up: float) -> None:
-        """spacing_rad: between its rings. slope_deg: of the steepest ramp. up: as in ``View``."""
+    def __init__(
+        self, grid: PolarGrid, reach_m: float, floor_m: float, spacing_rad: float, slope_deg: float, up: float
+    ) -> None:
+        """reach_m, floor_m: greatest distance of rays and of ground. spacing_rad: between its rings. slope_deg: of the
+        steepest ramp. up: as in ``View``."""
         self._edges_m, self._spacing_rad, self._up = grid.edges_m, spacing_rad, up
         self._slope = math.tan(math.radians(slope_deg))
-        self._bins = math.ceil(reach_m / BIN_M)
+        self._bins, self._floor_m = math.ceil(reach_m / BIN_M), math.ceil(floor_m / BIN_M) * BIN_M
         # A ray has passed a bin if it returned from a ring that begins behind it.
         ends = (np.arange(self._bins) + 1) * BIN_M
         self._behind = np.searchsorted(grid.edges_m[:-1], ends - 1e-4).astype(np.int32)
@@ -121,9 +140,8 @@ class SweepViews:
             ground,
             bare,
         )
-        reach_m = self._bins * BIN_M
         floor = np.empty((_MOST_FLOOR, 4), np.float32)
-        numbers = np.array([*origin_m, reach_m, self._spacing_rad, self._slope], np.float32)
+        numbers = np.array([*origin_m, self._floor_m, self._spacing_rad, self._slope], np.float32)
         count = _floor(cells.values, cells.sectors, profile.kind, profile.drop_m, numbers, floor)
         return View(stamp_s, origin_m, hits, passed, ground, bare, floor=floor[:count], tilt=tilt, up=self._up)
 

@@ -8,13 +8,16 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from robot_stack.core.config import load
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
+from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.space.kernels import FREE, OCCUPIED
 from robot_stack.perception.space.moving_objects import MovingObjects
 from tests.unit.space.test_space import HIGH, LOW, PARAMS, SEEN, Scanner
-from tests.unit.space.yard import ADULT, CHILD, Block, Post, Yard, near, state_at
+from tests.unit.space.yard import ADULT, CHILD, POLE, Block, Post, Yard, near, state_at
 
 P = PARAMS.moving_objects
+FAST = load(PerceptionParams, "perception_pipeline").fast_bodies.moving_objects
 LOOK_S = 0.1
 
 
@@ -217,6 +220,40 @@ def test_object_faster_than_limit_is_not_tracked() -> None:
     assert len(movers.at(now_s, IDENTITY)) == 0
 
 
+@pytest.mark.parametrize("speed_mps", [3.5, 4.0, 5.5, 7.0])
+def test_a_fast_body_is_tracked_with_its_velocity_within_three_turns(speed_mps: float) -> None:
+    movers, random = MovingObjects(FAST), np.random.default_rng(4)
+    for number in range(8):
+        movers.look(body(12.0 - speed_mps * number * LOOK_S, 0.5, random), 10.0 + number * LOOK_S, blind)
+        found = movers.at(10.0 + number * LOOK_S, IDENTITY)
+        assert (len(found) > 0) is (number >= 3), number
+        if number >= 3:
+            assert found[:, 3].mean() == pytest.approx(-speed_mps, rel=0.05)
+            assert abs(found[:, 4].mean()) < 0.3
+
+
+def test_walking_people_and_appearing_objects_are_no_fast_bodies() -> None:
+    movers, random = MovingObjects(FAST), np.random.default_rng(5)
+    for number in range(60):
+        now_s = 10.0 + number * LOOK_S
+        walks = body(8.0 - 0.2 * number, 0.5, random)
+        appears = body(*random.uniform(-10.0, 10.0, 2), random)
+        movers.look(np.concatenate([walks, appears]), now_s, blind)
+        assert len(movers.at(now_s, IDENTITY)) == 0, number
+
+
+def test_a_body_at_the_seam_is_followed_by_the_times_at_which_it_was_seen() -> None:
+    """Both halves of a turn see it: one at its end, the next one at its begin, which is the same time."""
+    movers = MovingObjects(FAST)
+    for half in range(16):
+        stamp_s = 10.0 + 0.05 * half
+        seen_s = stamp_s - 0.05 * (half % 2)
+        movers.look(body(12.0 - 6.0 * (seen_s - 10.0), 0.0), stamp_s, blind, lambda x, y, at_s=seen_s: at_s)
+    found = movers.at(stamp_s, IDENTITY)
+    assert found[:, 3].mean() == pytest.approx(-6.0, rel=0.02)
+    assert found[:, 0].mean() == pytest.approx(12.0 - 6.0 * 0.75 - 0.1, abs=0.1)  # at the stamp
+
+
 def come(scanner: Scanner, *walls: tuple[float, float, float]) -> int:
     scanner.now_s += LOOK_S
     view = scanner.view(*walls)
@@ -291,6 +328,30 @@ def test_a_child_that_walks_up_is_known_to_come_and_walls_stay_where_they_are() 
     moving = yard.scene.moving
     assert len(moving) > 3
     assert np.hypot(moving[:, 3], moving[:, 4]).mean() == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("chair", [False, True])
+@pytest.mark.parametrize("bearing_deg", [0.0, 80.0, 180.0])
+def test_a_fast_body_is_known_eight_metres_away(chair: bool, bearing_deg: float) -> None:
+    """At 6 m/s from 11.5 m, on both seams of the main LiDAR, and where the attached chair hides it from that."""
+    yard = Yard(chair=chair, who=ADULT)
+    yard.run(1.5)
+    c, s = math.cos(math.radians(bearing_deg)), math.sin(math.radians(bearing_deg))
+    yard.at["who"] = (11.5 * c, 11.5 * s)
+    moving = yard.walk("who", (8.0 * c, 8.0 * s), 6.0).step().moving
+    assert len(moving) > 0
+    assert moving[:, 3].mean() == pytest.approx(-6.0 * c, abs=0.8)
+    assert moving[:, 4].mean() == pytest.approx(-6.0 * s, abs=0.8)
+
+
+def test_a_drive_among_walls_shows_no_fast_bodies() -> None:
+    yard = Yard(post=POLE, block=Block(1.5, 0.2, 0.0, 0.5), other=ADULT)
+    yard.at.update(post=(4.0, 1.5), block=(6.0, -2.0), other=(8.0, 1.0))
+    for twist in (Twist2(1.5, 0.0, 0.0), Twist2(0.8, 0.3, 0.6), Twist2(0.0, 0.0, 1.0)):
+        yard.twist = twist
+        for _ in range(40):
+            moving = yard.step().moving
+            assert np.hypot(moving[:, 3], moving[:, 4]).max(initial=0.0) < FAST.slowest_mps
 
 
 def test_person_entering_blind_strip_before_knees_is_remembered() -> None:
