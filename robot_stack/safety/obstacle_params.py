@@ -51,7 +51,8 @@ class CollisionParams(Config):
 class PedestrianCollisionParams(Config):
     """Collisions with pedestrians.
 
-    A contact is a distance to the footprint below ``margin_m``, which grows by ``drift_mps`` with the time ahead.
+    A contact is a distance to the footprint below ``margin_m``, which grows with the time ahead by ``drift_mps`` or,
+    if that is more, the share ``drift_share`` of the body's speed.
     reaction_s: from a person's position to the robot's brakes. The speed is limited so that no stop is needed within
     ``ahead_s``, in ``shares`` equal steps. A motion is predicted to ``horizon_s`` in steps of ``step_s``. After a
     person walks up to the robot within ``ahead_s``, it holds for ``hold_s`` while anything is nearer than ``beside_m``.
@@ -59,6 +60,7 @@ class PedestrianCollisionParams(Config):
 
     margin_m: NotNegative
     drift_mps: NotNegative
+    drift_share: NotNegative
     reaction_s: Positive
     ahead_s: Positive
     shares: Annotated[int, Field(ge=1, le=20)]

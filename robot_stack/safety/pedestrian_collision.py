@@ -60,7 +60,7 @@ class PedestrianCollisionWatch:
         """True if a body is about to reach the present footprint, whatever the robot's motion."""
         times = np.arange(0.0, self._params.ahead_s + self._params.step_s, self._params.step_s)
         gaps = _gaps(moving, body, ZERO_TWIST, times, np.zeros_like(times))
-        return bool((gaps <= self._params.margin_m + self._params.drift_mps * times).any())
+        return bool((gaps <= self._params.margin_m + _drifts_mps(moving, self._params) * times).any())
 
     def _too_late(self, moving: Floats, body: Outline, twist: Twist2) -> bool:
         """True if the robot touches a body before its standstill, even if it brakes now, and also without braking."""
@@ -93,13 +93,20 @@ class PedestrianCollisionWatch:
             braking = np.clip(times - brakes_s, 0.0, speed_mps / self._brake_mps2)
             driven = np.minimum(times, brakes_s) + braking - 0.5 * self._brake_mps2 / speed_mps * braking**2
             reached = share * driven
-        near = _gaps(moving, body, twist, times, reached) <= p.margin_m + p.drift_mps * times
+        near = _gaps(moving, body, twist, times, reached) <= p.margin_m + _drifts_mps(moving, p) * times
         return bool(near.any())
 
 
 def _fastest_mps(twist: Twist2, body: Outline) -> float:
     """An upper bound of the speed of all points of the footprint, m/s."""
     return twist.speed() + abs(twist.omega) * body.reach()
+
+
+def _drifts_mps(moving: Floats, params: PedestrianCollisionParams) -> Floats:
+    """(n, 1) m/s: growth of the error of the predicted positions of (n, 5) points."""
+    speeds = np.hypot(moving[:, 3], moving[:, 4])
+    drifts: Floats = np.maximum(params.drift_mps, params.drift_share * speeds)[:, None]
+    return drifts
 
 
 def _gaps(moving: Floats, body: Outline, twist: Twist2, times: Floats, reached: Floats) -> Floats:

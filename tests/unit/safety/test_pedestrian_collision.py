@@ -151,6 +151,23 @@ def test_a_robot_that_brakes_gets_as_far_as_its_brakes_let_it(full_mps: float, b
             assert watch._touches(away, BODY, twist, share, brakes_s) is touched
 
 
+@pytest.mark.parametrize(("speed_mps", "stops"), [(1.2, False), (6.0, True)])
+def test_the_course_of_a_fast_body_is_uncertain_by_more(speed_mps: float, stops: bool) -> None:
+    """It passes 0.4 m beside a slow robot and gets there in 0.7 s."""
+    passing = who(BODY.front + 0.7 * speed_mps, BODY.half + 0.4, -speed_mps, 0.0)
+    assert judge(passing, SLOW).stop is stops
+
+
+@pytest.mark.parametrize("from_rad", [0.0, 0.5 * math.pi, math.pi])
+def test_a_fast_body_on_a_collision_course_stops_the_robot_in_time(from_rad: float) -> None:
+    """At 7 m/s and the robot's full speed, the last moment to brake is 1.1 s before the contact."""
+    full, c, s = Twist2(1.5, 0.0, 0.0), math.cos(from_rad), math.sin(from_rad)
+    comes_s = P.reaction_s + full.vx / BRAKE_MPS2
+    way_m = 0.5 * full.vx**2 / BRAKE_MPS2 + full.vx * P.reaction_s
+    away_m = 7.0 * (comes_s + 0.05) + 0.35
+    assert judge(who(way_m + away_m * c, away_m * s, -7.0 * c, -7.0 * s), full).stop
+
+
 def test_a_margin_counts_as_touched() -> None:
     watch = PedestrianCollisionWatch(P.model_copy(update={"margin_m": 0.125, "drift_mps": 0.0}), BRAKE_MPS2)
     assert watch._arrives(who(0.0, 0.625, 0.0, 0.0), Outline(0.5, -0.5, 0.5))
