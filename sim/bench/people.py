@@ -11,7 +11,7 @@ from multiprocessing import get_context
 from robot_stack.bench.framework import Aim, Result
 from robot_stack.core.robot import load_robot
 from sim.bench import people_cases as cases
-from sim.bench.people_bodies import KINDS
+from sim.bench.people_bodies import FAST, KINDS, SPEEDS_MPS
 from sim.bench.people_rides import Ride, ride
 from sim.bench.people_robot import ACTUATION_S
 from sim.bench.people_run import MOVING_MPS, PASSING_M, Outcome, Touch, play
@@ -30,15 +30,22 @@ _FIRST_SEED = 20_001
 
 
 def run(
-    runs: int = cases.ROUND, first: int = _FIRST_SEED, rides: int = 6, ride_m: float = 52.0, workers: int = 1
+    runs: int = cases.ROUND,
+    first: int = _FIRST_SEED,
+    rides: int = 6,
+    ride_m: float = 52.0,
+    workers: int = 1,
+    fast: bool = False,
 ) -> Result:
     """Runs perception, safety monitor and drive in simulated time behind the simulated LiDARs, without ROS.
 
     runs: 128 cover each kind, manoeuvre and side. first: seed of the first run. rides: for the false stops, every
     second one with wheelchair and passenger, each ``ride_m`` long. workers: processes; the figures do not depend on it.
+    fast: runners and cyclists instead of the other kinds; 64 runs cover them.
     """
     robot = load_robot()
-    drawn = [cases.drawn(number, first + number, robot) for number in range(runs)]
+    kinds = FAST if fast else KINDS
+    drawn = [cases.drawn(number, first + number, robot, kinds) for number in range(runs)]
     with ProcessPoolExecutor(workers, get_context("spawn")) as pool:
         riding = [pool.submit(ride, first + number, ride_m, chair=number % 2 == 1) for number in range(rides)]
         played, ridden = list(pool.map(play, drawn)), [one.result() for one in riding]
@@ -72,9 +79,12 @@ def _fastest(touches: Sequence[Touch]) -> float:
 
 def _conditions(played: Sequence[Outcome], ridden: Sequence[Ride], first: int) -> dict[str, object]:
     touched = [outcome for outcome in played if outcome.touch is not None]
+    kinds = list(dict.fromkeys(outcome.case.body.kind for outcome in played))
+    fastest_mps = max((SPEEDS_MPS[kind][1] for kind in kinds), default=0.0)
     return {
-        "runs": f"seeds {first} to {first + len(played) - 1}; {', '.join(KINDS)} walk straight to a place 2 to 25 cm "
-        f"beside the outline, on {cases.SIDES} sides, at up to 2 m/s, and stay or go on; they stop only at the robot",
+        "runs": f"seeds {first} to {first + len(played) - 1}; {', '.join(kinds)} walk straight to a place 2 to 25 cm "
+        f"beside the outline, on {cases.SIDES} sides, at up to {fastest_mps} m/s, and stay or go on; they stop only "
+        "at the robot",
         "robot": f"{', '.join(cases.MANOEUVRES)}; half of the runs with wheelchair and passenger; the outline is the "
         f"footprint in force; kinematic, the drive's kernels, wheels {ACTUATION_S} s late",
         "late": f"perception {PERCEPTION_S} s after a half sweep's end, {TRANSPORT_S} s from node to node",
@@ -86,7 +96,8 @@ def _conditions(played: Sequence[Outcome], ridden: Sequence[Ride], first: int) -
         "closing_at_touch_max_mps": "the greatest speed of the outline towards the body during contact",
         "pushed_max_m": "the longest way of the outline towards the body during the contacts of one run",
         "touched_unavoidable": f"of these: braking {REACTION_S:.3f} s after the body was nearer than {PASSING_M} m, or "
-        "where the motion leads by the monitor's thresholds, would have been too late with perfect sensors",
+        "would soon be by both velocities, or where the motion leads by the monitor's thresholds, would have been too "
+        "late with perfect sensors",
         "rides": f"{len(ridden)}, every second one with wheelchair and passenger, between walls, kerbs and posts, 6 "
         f"people walking past, all {PASSING_M} m and more aside",
         "touched_of": _counts(touched),

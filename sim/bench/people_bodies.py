@@ -19,11 +19,20 @@ from sim.lidar.bodies import person_shapes
 from sim.lidar.shapes import BOX, CYLINDER, Shape
 
 Floats = NDArray[np.float64]
-Kind = Literal["child", "adult", "pole", "cart"]
+Kind = Literal["child", "adult", "pole", "cart", "runner", "cyclist"]
 KINDS: tuple[Kind, ...] = ("child", "adult", "pole", "cart")
-SPEEDS_MPS = {"child": (0.6, 2.0), "adult": (0.6, 1.7), "pole": (0.3, 1.2), "cart": (0.4, 1.4)}
+FAST: tuple[Kind, ...] = ("runner", "cyclist")
+SPEEDS_MPS = {
+    "child": (0.6, 2.0),
+    "adult": (0.6, 1.7),
+    "pole": (0.3, 1.2),
+    "cart": (0.4, 1.4),
+    "runner": (4.0, 6.0),
+    "cyclist": (4.0, 7.0),
+}
 _EDGE_STEP_M = 0.02
-_LAST_STEPS_M = 1.2  # within this distance of the target a walker's heading is fixed
+# Within this distance of the target, or this time, a walker's heading is fixed.
+_LAST_STEPS_M, _LAST_STEPS_S = 1.2, 0.6
 _LIGHT = 0.4
 
 
@@ -60,7 +69,7 @@ def drawn_body(kind: Kind, random: np.random.Generator) -> Body:
         case "child":
             top_m = random.uniform(0.62, 1.20)
             return _of_posts(kind, [(0.0, 0.0, 0.10 * top_m + random.uniform(0.0, 0.03), top_m)])
-        case "adult":
+        case "adult" | "runner":
             return _of_cylinders(kind, tuple(person_shapes(_LIGHT)))
         case "pole":
             return _of_posts(kind, [(0.0, 0.0, random.uniform(0.02, 0.03), random.uniform(1.2, 1.9))])
@@ -69,6 +78,19 @@ def drawn_body(kind: Kind, random: np.random.Generator) -> Body:
             half = (0.5 * random.uniform(0.5, 0.9), 0.5 * random.uniform(0.4, 0.6), 0.5 * (top_m - 0.05))
             box = Shape(BOX, (0.0, 0.0, 0.05 + half[2]), half, labels.PERSON, _LIGHT)
             return Body(kind, (box,), _edge(half[0], half[1]))
+        case "cyclist":
+            return _cyclist(random.uniform(1.5, 1.8))
+
+
+def _cyclist(top_m: float) -> Body:
+    """Two wheels, a frame, a handlebar and a rider."""
+    boxes = [(x, (0.34, 0.03, 0.34), 0.34) for x in (-0.53, 0.53)]
+    boxes += [(0.0, (0.45, 0.03, 0.15), 0.55), (0.45, (0.03, 0.30, 0.03), 1.0)]
+    shapes = [Shape(BOX, (x, 0.0, z), half, labels.PERSON, _LIGHT) for x, half, z in boxes]
+    middle_m, half_m = 0.5 * (top_m + 0.4), 0.5 * (top_m - 0.4)
+    shapes.append(Shape(CYLINDER, (-0.1, 0.0, middle_m), (0.22, 0.22, half_m), labels.PERSON, _LIGHT))
+    edges = [_edge(half[0], half[1]) + np.array([x, 0.0, 0.0]) for x, half, _ in boxes]
+    return Body("cyclist", tuple(shapes), np.concatenate([*edges, [(-0.1, 0.0, 0.22)]]))
 
 
 def _of_posts(kind: Kind, posts: list[tuple[float, float, float, float]]) -> Body:
@@ -136,8 +158,8 @@ def contact(body: Body, seen_from_robot: Pose2, outline: Outline) -> Contact:
 class Walker:
     """Walks to a place beside the moving robot, and stays there or goes straight on.
 
-    pose: in map, facing the way. target: the place in base_link. through: goes straight on. For the last 1.2 m the
-    heading is fixed.
+    pose: in map, facing the way. target: the place in base_link. through: goes straight on. For the last 1.2 m
+    and the last 0.6 s the heading is fixed.
     """
 
     pose: Pose2
@@ -167,7 +189,7 @@ class Walker:
         for _ in range(3):  # to the predicted target position on arrival
             remaining_m, heading = self._to_target(robot.compose(exp_se2(twist, remaining_m / self.speed_mps)))
         self.pose = Pose2(self.pose.x, self.pose.y, heading)
-        if remaining_m <= _LAST_STEPS_M:
+        if remaining_m <= max(_LAST_STEPS_M, self.speed_mps * _LAST_STEPS_S):
             self.remaining_m = remaining_m
 
     def _to_target(self, robot: Pose2) -> tuple[float, float]:

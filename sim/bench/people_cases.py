@@ -11,7 +11,7 @@ import numpy as np
 from robot_stack.core.geometry import Pose2, Twist2, exp_se2
 from robot_stack.core.robot import Robot
 from robot_stack.safety.collision import Outline, outline_of
-from sim.bench.people_bodies import KINDS, SPEEDS_MPS, Body, Walker, contact, drawn_body
+from sim.bench.people_bodies import KINDS, SPEEDS_MPS, Body, Kind, Walker, contact, drawn_body
 from sim.bench.people_senses import chair_ahead
 
 Manoeuvre = Literal["start", "drive", "turn", "dock"]
@@ -43,11 +43,11 @@ class Case:
     dock: Pose2 | None = None
 
 
-def drawn(number: int, seed: int, robot: Robot) -> Case:
+def drawn(number: int, seed: int, robot: Robot, kinds: tuple[Kind, ...] = KINDS) -> Case:
     """number: index of the combination within a round. Raises RuntimeError if no try gives a valid case."""
-    kind, manoeuvre = KINDS[number % 4], MANOEUVRES[number // 4 % 4]
-    side = number // 16 % SIDES
-    chair = bool((number + number // 4 + number // 16 + number // 128) % 2)
+    combination, each = divmod(number, len(kinds))
+    kind, manoeuvre, side = kinds[each], MANOEUVRES[combination % 4], combination // 4 % SIDES
+    chair = bool((number + combination + combination // 4 + combination // 32) % 2)
     random = np.random.default_rng(seed)
     outline = outline_of(robot.footprint_with_chair if chair else robot.footprint)
     for _ in range(_TRIES):

@@ -22,6 +22,7 @@ from sim.bench.people_stage import REACTION_S, STEP_S, Stage
 # A body that passes at this distance must not stop the robot; a nearer one may.
 PASSING_M = 0.5
 MOVING_MPS = 0.02  # of the outline at the contact
+_AHEAD_S = 1.2  # reaction and braking from 1.5 m/s, and room to spare
 _WHO = "who"
 _DOCKED_M = 0.02  # the latch closes from here on
 
@@ -116,8 +117,9 @@ def _walk(walker: Walker, body: Body, outline: Outline, robot: Pose2, twist: Twi
 def avoidable(case: Case, moments: list[Moment], robot: Robot, params: CollisionParams) -> bool:
     """True if an ideal observer with the robot's reaction time could have stopped before the last moment's contact.
 
-    The ideal observer has exact positions and no intentions. It brakes if a body is nearer than ``PASSING_M`` to the
-    outline, or if the motion leads to it by the safety monitor's own thresholds.
+    The ideal observer has exact positions and velocities and no intentions. It brakes if a body is nearer than
+    ``PASSING_M`` to the outline, or will be so within ``_AHEAD_S`` if both keep their velocities, or if the motion
+    leads to it by the safety monitor's own thresholds.
     """
     outline = outline_of(robot.footprint_with_chair if case.chair else robot.footprint)
     alarm = next(i for i, moment in enumerate(moments) if _alarming(case.body, moment, outline, params))
@@ -138,8 +140,12 @@ def avoidable(case: Case, moments: list[Moment], robot: Robot, params: Collision
 
 def _alarming(body: Body, moment: Moment, outline: Outline, params: CollisionParams) -> bool:
     seen = moment.walker.pose.relative_to(moment.pose)
-    if contact(body, seen, outline).gap_m < PASSING_M:
-        return True
+    walks_mps = 0.0 if moment.walker.arrived else moment.walker.speed_mps
+    for after_s in np.arange(0.0, _AHEAD_S, 0.05):
+        walker = moment.walker.pose.compose(Pose2(walks_mps * after_s, 0.0, 0.0))
+        robot = moment.pose.compose(exp_se2(moment.twist, after_s))
+        if contact(body, walker.relative_to(robot), outline).gap_m < PASSING_M:
+            return True
     if rests(moment.twist, params):
         return False
     points = body.outline(seen)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import math
 
@@ -14,7 +15,7 @@ from robot_stack.core.robot import load_robot
 from robot_stack.safety.collision import outline_of
 from robot_stack.safety.params import SafetyParams
 from sim.bench import people, people_cases
-from sim.bench.people_bodies import KINDS, Body, Walker, contact, drawn_body
+from sim.bench.people_bodies import FAST, KINDS, Body, Walker, contact, drawn_body
 from sim.bench.people_cases import Case, drawn
 from sim.bench.people_rides import ride
 from sim.bench.people_run import Moment, Outcome, avoidable, play
@@ -78,6 +79,19 @@ def test_a_ride_with_nothing_in_the_way_ends() -> None:
     assert ridden.justified == 0
 
 
+@pytest.mark.parametrize("bearing_deg", [90.0, 180.0])
+def test_robot_stands_when_a_cyclist_arrives_on_a_collision_course(bearing_deg: float) -> None:
+    """At 6 m/s, from the side and from behind; the heading is fixed for the last 0.6 s."""
+    bearing = math.radians(bearing_deg)
+    there = Pose2(1.5, 0.0, 0.0)
+    begin = Pose2(there.x + 15.0 * math.cos(bearing), 15.0 * math.sin(bearing), bearing + math.pi)
+    cyclist = drawn_body("cyclist", np.random.default_rng(1))
+    walker = Walker(begin, (0.0, 0.0), 6.0, through=True)
+    drives = Case(7, "drive", 2, False, cyclist, walker, Twist2(1.0, 0.0, 0.0), 1.0, 3.5)
+    assert play(drives, guarded=False).touch is not None
+    assert play(drives).touch is None
+
+
 def test_identical_case_yields_identical_outcome() -> None:
     one = case(Walker(Pose2(3.0, 1.0, math.pi), (0.7, 0.0), 1.5, through=True), Twist2(0.4, 0.0, 0.1), 1.5)
     assert play(one) == play(one)
@@ -139,6 +153,15 @@ def test_a_round_has_each_kind_manoeuvre_and_side_and_half_of_them_with_the_chai
         outline = outline_of(ROBOT.footprint_with_chair if one.chair else ROBOT.footprint)
         assert contact(one.body, one.walker.pose, outline).gap_m >= 1.0
         assert contact(one.body, Pose2(*one.walker.target, 0.0), outline).gap_m < 0.8
+
+
+def test_a_round_of_fast_bodies_has_each_manoeuvre_and_side_with_and_without_the_chair() -> None:
+    round_ = [drawn(number, 700 + number, ROBOT, FAST) for number in range(64)]
+    assert {(one.body.kind, one.manoeuvre, one.side) for one in round_} == set(
+        itertools.product(FAST, people_cases.MANOEUVRES, range(people_cases.SIDES))
+    )
+    assert {(one.chair, one.side) for one in round_} == set(itertools.product((True, False), range(people_cases.SIDES)))
+    assert all(4.0 <= one.walker.speed_mps <= 7.0 for one in round_)
 
 
 def test_every_touch_is_counted() -> None:
