@@ -32,7 +32,7 @@ def run(duration_s: float = 60.0, profile: str = "sim") -> Result:
     The rows: two processes in a ROS domain of their own; this benchmark simulates computer, displays and screens.
     Raises BenchError where user namespaces are not allowed: the full disk is a small file system of its own.
     """
-    from robot_stack.bench.nodes.meter import Meter
+    from robot_stack.system_monitor.nodes.topic_meter import Meter
 
     with (
         running_stack(profile, system_time=True) as status,

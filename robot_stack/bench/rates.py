@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 from robot_stack.bench.commands import robot_stack
 from robot_stack.bench.framework import Aim, BenchError, Result
-from robot_stack.bench.graph import Finding, judge_all, rows_of, worst_rate_error
 from robot_stack.bench.own_engine import PRIORITY, go_first
 from robot_stack.bench.stack import Load, running_stack
 from robot_stack.contract import topics
 from robot_stack.supervisor.profile import Plan, load_plan
+from robot_stack.system_monitor.topic_check import Finding, judge_all, rows_of, worst_rate_error
 
 if TYPE_CHECKING:
-    from robot_stack.bench.nodes.meter import Meter
+    from robot_stack.system_monitor.nodes.topic_meter import Meter
 
 NAME = "rates"
 AIMS = {
@@ -61,7 +61,7 @@ def run(duration_s: float = 30.0, profile: str = "sim", mission: str = "yard_tou
     sim_speed, cores, memory and the meter's share are those of the ride. Rates are in the stack's time.
     Raises BenchError if the stack does not run well.
     """
-    from robot_stack.bench.nodes.meter import Meter
+    from robot_stack.system_monitor.nodes.topic_meter import Meter
 
     with tempfile.TemporaryDirectory() as folder, running_stack(profile, own=[_journal(folder)]) as status:
         plan = load_plan(status["profile_path"], only=[item["name"] for item in status["processes"]])

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 if TYPE_CHECKING:
-    from robot_stack.bench.graph import Finding
-    from robot_stack.bench.nodes.meter import Meter
     from robot_stack.supervisor.profile import Plan
+    from robot_stack.system_monitor.nodes.topic_meter import Meter
+    from robot_stack.system_monitor.topic_check import Finding
 
 # Relative tolerance of one row's rate; benchmarks measure longer and are stricter.
 TOLERANCE = 0.1
@@ -35,7 +35,7 @@ def topics(
     plan = _plan(profile)
     rows = _rows(plan)
     follow = sys.stdout.isatty() and not once and not as_json
-    from robot_stack.bench.nodes.meter import Meter
+    from robot_stack.system_monitor.nodes.topic_meter import Meter
 
     with Meter(rows) as meter:
         meter.settle()
@@ -69,13 +69,13 @@ def _plan(profile: str | None) -> Plan:
 
 
 def _rows(plan: Plan) -> Sequence[Any]:
-    from robot_stack.bench.graph import rows_of
+    from robot_stack.system_monitor.topic_check import rows_of
 
     return rows_of(plan.machine, plan.use_sim_time)
 
 
 def _judge(meter: Meter, plan: Plan) -> tuple[tuple[Finding, ...], tuple[str, ...]]:
-    from robot_stack.bench.graph import judge_all, unknown_topics
+    from robot_stack.system_monitor.topic_check import judge_all, unknown_topics
 
     rows = _rows(plan)
     nodes = frozenset(node for process in plan.processes for node in process.nodes)

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from rich.console import Group
 
-from robot_stack.bench.graph import Finding
 from robot_stack.cli.tables import Column, notes, table
+from robot_stack.system_monitor.topic_check import Finding
 
 _COLUMNS: tuple[Column, ...] = (
     ("topic", "left"),

@@ -22,12 +22,12 @@ from robot_stack.localization.map_localizer import MapLocalizer
 from robot_stack.localization.ndt.gate import Confidence
 from robot_stack.localization.ndt.solver import SweepSolver
 from robot_stack.localization.params import LocalizationParams
-from sim.bench.kernel_stack import KernelStack
 from sim.bench.lidar_ride import Fix, RouteFollower
 from sim.camera.motion import Track
 from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import build_scene
 from sim.lidar.sensor import Lidar
+from sim.mapping.kernel_stack import KernelStack
 from sim.plant.imu import ImuSample
 from sim.plant.world import Setup
 

@@ -16,11 +16,11 @@ from robot_stack.contract.frames import BASE_LINK
 from robot_stack.core.geometry import Twist2
 from robot_stack.drive.arbitration import Source
 from robot_stack.drive.odometry import Encoders, Odometry
-from sim.bench.kernel_stack import KernelStack
 from sim.camera.history import BodyHistory
 from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import build_scene
 from sim.lidar.sensor import Lidar
+from sim.mapping.kernel_stack import KernelStack
 from sim.mapping.ride_writer import RideWriter
 from sim.parameters import load_sim_params
 from sim.plant.imu import ImuSample

@@ -21,10 +21,10 @@ from rosgraph_msgs.msg import Clock
 from std_msgs.msg import String
 
 from custom_msgs.msg import DockingStatus, MissionStatus, UICommand
-from robot_stack.bench.nodes.meter import Meter
 from robot_stack.contract import topics
 from robot_stack.core.config import config_dir
 from robot_stack.ros.interfaces import qos_profile
+from robot_stack.system_monitor.nodes.topic_meter import Meter
 from tests.support.fake_safety import FakeSafety
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess

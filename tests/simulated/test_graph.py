@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from robot_stack.bench.graph import rows_of
 from robot_stack.contract.graph import Endpoints, lacking, strangers
+from robot_stack.system_monitor.topic_check import rows_of
 from sim.stack.stack import SimulatedStack
 from tests.simulated.stage import staged
 

@@ -13,7 +13,7 @@ from robot_stack.supervisor.profile import Plan
 from tests.support.waiting import wait_for
 
 if TYPE_CHECKING:
-    from robot_stack.bench.graph import Seen
+    from robot_stack.system_monitor.topic_check import Seen
 
 PEER = "scenario_peer"
 
@@ -28,8 +28,8 @@ def without_the_test(seen: Seen) -> Seen:
 
 def assert_graph_is_the_contracts(plan: Plan) -> None:
     """Repeats until everything matches: on a busy machine discovery and first messages take long."""
-    from robot_stack.bench.graph import judge_all, rows_of, unknown_topics
-    from robot_stack.bench.nodes.meter import Meter
+    from robot_stack.system_monitor.nodes.topic_meter import Meter
+    from robot_stack.system_monitor.topic_check import judge_all, rows_of, unknown_topics
 
     rows = rows_of(plan.machine, use_sim_time=plan.use_sim_time)
     nodes = frozenset(node for process in plan.processes for node in process.nodes)

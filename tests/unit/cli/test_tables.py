@@ -8,13 +8,13 @@ from typing import Any
 import pytest
 from rich.console import Console, RenderableType
 
-from robot_stack.bench.graph import Endpoint, Finding, Seen, Traffic, Verdict, judge_all, rows_of
 from robot_stack.cli.status import StatusView
 from robot_stack.cli.tables import WIDTH
 from robot_stack.cli.topics_table import topics_table
 from robot_stack.contract import processes, topics
 from robot_stack.contract.graph import expected
 from robot_stack.contract.model import System, Topic
+from robot_stack.system_monitor.topic_check import Endpoint, Finding, Seen, Traffic, Verdict, judge_all, rows_of
 
 MACHINES = (System.ROBOT, System.WMX)
 

@@ -1,4 +1,4 @@
-"""Measures the traffic of all topics at low cost: messages are counted, not unpacked, a few times a second."""
+"""A tool node that measures the traffic of all topics at low cost: messages are counted, not unpacked."""
 
 from __future__ import annotations
 
@@ -9,7 +9,6 @@ from typing import Any
 
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
-from robot_stack.bench.graph import Endpoint, Seen, Traffic, message_rate_hz
 from robot_stack.contract import topics
 from robot_stack.contract.model import Durability, Reliability, Topic
 from robot_stack.middleware.conversions import time_to_s
@@ -17,6 +16,7 @@ from robot_stack.ros import transport
 from robot_stack.ros.bulk import owner_of
 from robot_stack.ros.interfaces import interface_class, qos_profile
 from robot_stack.ros.tool_node import ToolNode
+from robot_stack.system_monitor.topic_check import Endpoint, Seen, Traffic, message_rate_hz
 
 NAME = "rate_meter"
 # Messages wait in their queues until taken; they carry their time of reception.

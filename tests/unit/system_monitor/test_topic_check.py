@@ -6,7 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from robot_stack.bench.graph import (
+from robot_stack.contract import topics
+from robot_stack.contract.graph import expected
+from robot_stack.contract.model import Durability, Reliability, System, Topic
+from robot_stack.system_monitor.topic_check import (
     Endpoint,
     Seen,
     Traffic,
@@ -18,9 +21,6 @@ from robot_stack.bench.graph import (
     unknown_topics,
     worst_rate_error,
 )
-from robot_stack.contract import topics
-from robot_stack.contract.graph import expected
-from robot_stack.contract.model import Durability, Reliability, System, Topic
 
 NODES = frozenset({"swerve_controller", "navigation_controller", "safety_monitor", "imu_driver"})
 

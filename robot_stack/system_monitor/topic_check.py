@@ -1,4 +1,4 @@
-"""Is a running system what the contract says? Pure: what was seen in the graph in, findings out."""
+"""Compares the topics of the live graph with their rows in the contract: endpoints, types, QoS, rates and ages."""
 
 from __future__ import annotations
 
