@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import importlib
 import json
+import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from robot_stack.cli.errors import WRONG_USE, CommandError
+
+_ROOT = Path(__file__).resolve().parents[2]
+_BENCHMARKS = "tests.benchmarks"
 
 
 def bench(
@@ -19,11 +25,10 @@ def bench(
     ] = None,
 ) -> None:
     """Run a benchmark and print its figures and aims."""
-    from robot_stack.bench import framework
-
+    framework = _framework()
     if name is None:
-        for item in framework.find_all():
-            print(f"{item.name}: {item.what}")
+        for known in framework.names():
+            print(f"{known}: {framework.describe(known)}")
         return
     try:
         benchmark = framework.find(name)
@@ -33,9 +38,18 @@ def bench(
     if json_file is not None:
         json_file.parent.mkdir(parents=True, exist_ok=True)
         json_file.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
-    _print(benchmark, result)
+    _print(framework.describe(name), benchmark.aims, result)
     if json_file is not None:
         print(f"written to {json_file}")
+
+
+def _framework() -> Any:
+    """Of the checkout's benchmarks, loaded by name: the tests are no part of an installation. Raises CommandError."""
+    folder = _ROOT.joinpath(*_BENCHMARKS.split("."))
+    if not folder.is_dir():
+        raise CommandError(f"the benchmarks belong to a checkout of robot_stack: there is no folder {folder}")
+    sys.path.insert(0, str(_ROOT))  # before another package of the name tests
+    return importlib.import_module(f"{_BENCHMARKS}.support.framework")
 
 
 def _options(texts: list[str]) -> dict[str, Any]:
@@ -50,16 +64,16 @@ def _options(texts: list[str]) -> dict[str, Any]:
     return options
 
 
-def _print(benchmark: Any, result: dict[str, Any]) -> None:
+def _print(what: str, aims: Mapping[str, Any], result: dict[str, Any]) -> None:
     from rich.console import Console
     from rich.table import Table
 
     conditions = result["conditions"]
-    table = Table(title=f"{result['name']}: {benchmark.what}", title_justify="left")
+    table = Table(title=f"{result['name']}: {what}", title_justify="left")
     for column in ("figure", "value", "aim", ""):
         table.add_column(column, justify="right" if column == "value" else "left")
     for figure, value in result["figures"].items():
-        aim = benchmark.aims.get(figure)
+        aim = aims.get(figure)
         verdict = "" if aim is None else "[green]met[/]" if aim.met(value) else "[red]missed[/]"
         table.add_row(figure, f"{value:.4g}", "" if aim is None else f"{aim.relation} {aim.limit:g}", verdict)
     console = Console()

@@ -6,11 +6,11 @@ import shutil
 import time
 from pathlib import Path
 
-from robot_stack.bench.written_computer import WrittenComputer
 from robot_stack.core.runtime import touch_screen_url
 from sim.computer.disk import Disk
 from sim.computer.params import SimComputerParams
 from sim.computer.screen import Screen
+from sim.computer.written_computer import WrittenComputer
 
 
 class SimComputer:

@@ -22,7 +22,6 @@ from sensor_msgs.msg import JointState
 
 from custom_msgs.action import Dock
 from custom_msgs.msg import EHMIState, SafetyStatus, SwerveModuleCommandArray, UICommand
-from robot_stack.bench.written_computer import WrittenComputer
 from robot_stack.contract import actions, topics
 from robot_stack.contract.display import Display
 from robot_stack.contract.frames import JOINTS
@@ -32,6 +31,7 @@ from robot_stack.core.site_map import Grid, SiteMap, save_map
 from robot_stack.docking.warm_up import warm_up
 from robot_stack.middleware.conversions import pose_stamped
 from robot_stack.middleware.point_cloud import cloud_message
+from sim.computer.written_computer import WrittenComputer
 from tests.simulated.nodes.test_aruco_detector import PICTURES, ids, image, info
 from tests.support.blind import BLIND
 from tests.support.engine import BUTTON_PRESSED, BUTTON_RELEASED, TestEngine

@@ -20,6 +20,8 @@ FORBIDDEN = {
     ),
     "core imports the engine": ("core/intruder.py", "import robot_stack.wmx", "Subsystems communicate"),
     "the stack imports the simulation": ("core/intruder.py", "import sim", "never imports the simulation"),
+    "the stack imports the benchmarks": ("cli/intruder.py", "import tests.benchmarks", "imports the tests"),
+    "the simulation imports the tests": ("../sim/intruder.py", "import tests.support", "imports the tests"),
     "a kernel imports rclpy": ("safety/intruder.py", "from rclpy.node import Node", "Only the ROS implementation"),
     "a kernel imports messages": ("safety/intruder.py", "import std_msgs.msg", "Only nodes and their base modules"),
     "a kernel imports the node base": (

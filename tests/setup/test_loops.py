@@ -22,6 +22,6 @@ def test_a_loop_that_no_warm_up_reaches_fails_the_set_up(
         return 2.0 * x
 
     monkeypatch.setattr(module, "loops", lambda: {"robot_stack.forgotten": forgotten})
-    monkeypatch.setattr(module, "warm_ups", lambda: ["sim.bench.warm_up"])
+    monkeypatch.setattr(module, "warm_ups", lambda: ["sim.arm.warm_up"])
     assert module.main() == 1
     assert "no warm_up() reaches: robot_stack.forgotten" in capsys.readouterr().err

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from robot_stack.bench import coverage as bench
 from robot_stack.cli.app import app
 from robot_stack.cli.coverage_picture import colours, outline
 from robot_stack.core.config import load
@@ -22,6 +21,7 @@ from robot_stack.coverage.coverage import Body, band, look, seen_pct
 from robot_stack.coverage.params import load_coverage_params, load_layouts
 from robot_stack.coverage.report import bodies, sensors_of
 from robot_stack.perception.params import PerceptionParams
+from tests.benchmarks import coverage as bench
 
 PARAMS = load_coverage_params()
 FOOTPRINT = Footprint(front_m=0.5, rear_m=-0.5, width_m=0.7)

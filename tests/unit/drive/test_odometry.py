@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_stack.bench.perfect_ride import PerfectRide, perfect_ride
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
 from robot_stack.drive.kinematics import ZEROS, Four, wheel_velocities
 from robot_stack.drive.odometry import Encoders, Odometry, OdometrySettings, SwerveOdometry
 from robot_stack.drive.wheel_fit import fit, residuals, robust_fit
+from tests.benchmarks.support.perfect_ride import PerfectRide, perfect_ride
 from tests.unit.drive.robot import ODOMETRY_SETTINGS, POSITIONS, ROBOT
 
 RADIUS = ROBOT.wheel_radius_m

@@ -16,7 +16,7 @@ from robot_stack.localization.map_localizer import MapLocalizer
 from robot_stack.localization.ndt.gate import Confidence, fit_of, lack_of_evidence, problem_of
 from robot_stack.localization.ndt.matcher import Match, pose_of
 from robot_stack.localization.ndt.solver import MatchRequest, SweepSolver
-from sim.bench.ndt_foreign import GONE, Place, in_another_world, places, searched, tracked, without
+from tests.benchmarks.support.ndt_foreign import GONE, Place, in_another_world, places, searched, tracked, without
 from tests.unit.localization.courtyard import LIDAR, UP, cells, matcher, seen_from, solver, surfaces, sweep_from
 from tests.unit.localization.stories import IMU_S, params, reading
 

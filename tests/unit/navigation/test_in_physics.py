@@ -9,7 +9,7 @@ import pytest
 
 from robot_stack.core.geometry import Pose2, wrap_angle
 from robot_stack.navigation.states import NavigationState
-from sim.bench.tracking import TrackedRide
+from tests.benchmarks.tracking import TrackedRide
 
 GOAL = Pose2(2.5, 1.0, 0.8)
 

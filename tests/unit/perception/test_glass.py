@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.bench.glass import Window, approached, clouds, missed_pct, standing
+from tests.benchmarks.glass import Window, approached, clouds, missed_pct, standing
 
 SEED = 911
 

@@ -9,8 +9,8 @@ from robot_stack.contract import frames
 from robot_stack.core.robot import Robot
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
-from sim.bench.foreign import run
-from sim.bench.ground_real import FOLDER
+from tests.benchmarks.foreign import run
+from tests.benchmarks.support.ground_real import FOLDER
 from tests.unit.perception.conftest import inside
 from tests.unit.perception.scenes import Solid, sweep
 

@@ -13,8 +13,8 @@ from robot_stack.core.robot import Robot
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
 from robot_stack.perception.weather_filter import Crowd, crowd_of
-from sim.bench.weather_scenes import Bystander, Shower, shower, with_bystander
 from sim.lidar.sensor import Conditions
+from tests.benchmarks.support.weather_scenes import Bystander, Shower, shower, with_bystander
 
 HALF_S = 0.05
 

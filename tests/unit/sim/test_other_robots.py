@@ -29,14 +29,14 @@ from robot_stack.middleware.conversions import pose_from_msg
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
 from robot_stack.wmx.config import load_engine_config
-from sim.bench.docking import Trial, dock
-from sim.bench.tracking import TrackedRide
 from sim.camera.motion import still
 from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import build_scene
 from sim.lidar.sensor import Lidar, Sweep
 from sim.parameters import load_sim_params
 from sim.worldfile import Box, WorldFile, load_world
+from tests.benchmarks.docking import Trial, dock
+from tests.benchmarks.tracking import TrackedRide
 from tests.support.robots import SIZES
 
 SHIPPED = load_robot()

@@ -1,0 +1,55 @@
+"""Pictures of courses of the benchmark ``navigation``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.patches import Polygon
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.core.robot import load_robot
+from tests.benchmarks.support.navigation_course import Box, body, course
+from tests.benchmarks.support.navigation_result import Result
+
+_MOST = 6
+
+
+def draw(driven: Sequence[tuple[int, bool, Result]], path: Path) -> None:
+    """Draws the courses with the worst results, ordered by failure, then clearance."""
+    worst = sorted(driven, key=lambda item: (item[2].reached, -item[2].collisions, item[2].clearance_m))[:_MOST]
+    columns = 2 if len(worst) > 1 else 1
+    rows = -(-len(worst) // columns)
+    figure, axes = plt.subplots(rows, columns, figsize=(10 * columns, 5.2 * rows), squeeze=False)
+    robot = load_robot()
+    for ax, (seed, chair, result) in zip(axes.flat, worst, strict=False):
+        footprint = robot.footprint_with_chair if chair else robot.footprint
+        made = course(seed, footprint)
+        for boxes, colour in ((made.known, "0.3"), (made.unknown, "tab:orange")):
+            for box in boxes:
+                ax.add_patch(Polygon(_corners(box), color=colour))
+        for walked in result.walked:
+            ax.plot(*np.array(walked).T, ":", color="tab:red", lw=1)
+        trace = np.array(result.trace)
+        for x, y, yaw, _ in trace[::20]:
+            ax.add_patch(Polygon(_corners(body(Pose2(x, y, yaw), footprint)), fill=False, lw=0.4, color="tab:blue"))
+        points = ax.scatter(trace[:, 0], trace[:, 1], c=trace[:, 3], s=3, cmap="viridis", vmin=0.0, vmax=1.5, zorder=3)
+        figure.colorbar(points, ax=ax, label="m/s", shrink=0.7)
+        ax.plot(made.goal.x, made.goal.y, "r*")
+        end = "reached" if result.reached else result.text
+        ax.set_title(f"{seed}: {end}, {result.time_s:.0f} s, clearance {result.clearance_m:.2f} m", fontsize=9)
+        ax.set_aspect("equal")
+        ax.set_xlim(0, 32)
+        ax.set_ylim(0, 16)
+    figure.tight_layout()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=70)
+    plt.close(figure)
+
+
+def _corners(box: Box) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
+    c, s = np.cos(box.yaw), np.sin(box.yaw)
+    signs = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) * (box.half_x, box.half_y)
+    return np.column_stack((box.x + c * signs[:, 0] - s * signs[:, 1], box.y + s * signs[:, 0] + c * signs[:, 1]))
