@@ -12,8 +12,8 @@ from geometry_msgs.msg import TwistStamped
 from std_msgs.msg import Bool
 
 from robot_stack.contract import topics
-from sim.devices.joystick import Joystick, axis, button
 from tests.nodes.test_point_cloud_adapter import says
+from tests.support.devices.joystick import Joystick, axis, button
 from tests.support.fake_safety import FakeSafety
 from tests.support.peer import Heard, Peer
 from tests.support.processes import NodeProcess

@@ -13,8 +13,8 @@ from robot_stack.contract import topics
 from robot_stack.core.point_cloud import SWEEP, xyz_of
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.middleware.point_cloud import points_of
-from sim.devices.velodyne import PACKET_S, Vlp16
 from tests.nodes.test_point_cloud_adapter import says
+from tests.support.devices.velodyne import PACKET_S, Vlp16
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess
 from tests.support.udp_lidar import UdpLidar

@@ -11,7 +11,7 @@ from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.drivers.joystick.events import Decoder, Event, EventRefused
 from robot_stack.drivers.joystick.params import JoystickDriverParams
 from robot_stack.drivers.joystick.teleop import Grip, Teleop
-from sim.devices.joystick import axis, button
+from tests.support.devices.joystick import axis, button
 
 AHEAD, LEFT, TURN, DEAD_MAN = 1, 0, 3, 4
 

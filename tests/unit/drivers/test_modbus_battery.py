@@ -14,7 +14,7 @@ from robot_stack.core.config import ConfigError, config_dir, load, read_yaml, va
 from robot_stack.drivers.battery import Flow, Health
 from robot_stack.drivers.modbus.battery import REFUSED, TAKEN, Block, ModbusBattery, blocks
 from robot_stack.drivers.modbus.params import ModbusBatteryDriverParams
-from sim.devices.modbus import Registers, crc
+from tests.support.devices.modbus import Registers, crc
 
 # From the tests of Victron's dbus_modbustcp: a battery of 52 V, +11 A, 34.5 degrees, 85 %, 99 % health, and its
 # register values. That test raises every alarm to 1.

@@ -12,7 +12,7 @@ from robot_stack.core.point_cloud import SWEEP, xyz_of
 from robot_stack.drivers.velodyne.packets import PacketRefused, read
 from robot_stack.drivers.velodyne.params import VelodyneDriverParams
 from robot_stack.drivers.velodyne.sweeps import CORRUPT, DOUBLED, INCOMPLETE, JUMPS, LOST, OUT_OF_ORDER, SweepBuilder
-from sim.devices.velodyne import PACKET_S, Vlp16
+from tests.support.devices.velodyne import PACKET_S, Vlp16
 
 NOW_S = 1_795_000_000.0
 FLIGHT_S = 0.002  # from a packet's first firing to its arrival
