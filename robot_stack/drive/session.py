@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import Enum
 
 import numpy as np
 
@@ -19,29 +18,14 @@ from robot_stack.drive.kinematics import ModuleSetPoints
 from robot_stack.drive.wheel_axes import AxisSettings, DriveMove, SteerMove, drive_moves, steer_moves, stop_moves
 from robot_stack.wmx.api import AxisCommandMode, EStopLevel
 from robot_stack.wmx.axes import StatusSnapshot
-from robot_stack.wmx.axis_group import SERVO_ON, AxisGroup
 from robot_stack.wmx.device_opener import DeviceOpener, OpenEngine, PromptOpener
 from robot_stack.wmx.session import Applied, EngineSession, Patience
-from robot_stack.wmx.start_up import SessionState, StartUp
+from robot_stack.wmx.start_up import Machine, Missing, SessionState, Stage, StartUp
 
-_N_AXES = len(JOINTS)
-_MODES = np.array(
-    [AxisCommandMode.Velocity if axis in DRIVE_AXES else AxisCommandMode.Position for axis in range(_N_AXES)]
-)
+_MODES = [AxisCommandMode.Velocity if axis in DRIVE_AXES else AxisCommandMode.Position for axis in range(len(JOINTS))]
 
 # Requests, as refusals name them.
 _ESTOP, _RELEASE, _STEERING, _DRIVING = "emergency stop", "release", "steering", "driving"
-
-
-class Stage(Enum):
-    """Progress of the session."""
-
-    CONNECTING = "connecting"
-    COMMUNICATION = "starting communication"
-    STOPPED = "emergency stop"
-    TRIPPED = "tripped"
-    SWITCHING_ON = "switching on"
-    READY = "ready"
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,58 +66,52 @@ class DriveSession:
         after which the engine stops a wheel without a new command.
         """
         self._engine = EngineSession(open_engine, settings.connection, opener=opener)
-        self._group = AxisGroup(self._engine, dict(enumerate(JOINTS)), settings.request_pause_s)
-        steps = (self._communication, self._stopping, self._alarms, self._servos)
+        machine = Machine(dict(enumerate(JOINTS)), _MODES, settings.communication_retry_s, settings.request_pause_s)
         self._start = StartUp(
-            self._engine, range(_N_AXES), steps, Stage.CONNECTING, Stage.READY, connected=self._on_connection
+            self._engine,
+            machine,
+            fault=self._trip,
+            standing=self.standing,
+            withheld=lambda: "" if self._may_switch_on else "waiting for the safety monitor",
+            connected=self._on_connection,
         )
+        self._steps = (self._start.communication, self._stopping, self._start.alarms, self._start.servos)
         self._settings, self._axes = settings, axes
         self._stop = self._may_switch_on = False
-        self._was_ready = False
         self._stopped = False
         self._tripped = ""
-        self._state = SessionState(Stage.CONNECTING, self._engine.text)
 
     @property
-    def state(self) -> SessionState[Stage]:
-        return self._state
+    def state(self) -> SessionState:
+        return self._start.state
 
     @property
     def ready(self) -> bool:
-        return self._state.stage is Stage.READY
+        return self._start.ready
 
     # --- the next step -----------------------------------------------------------------------------------------------
 
-    def poll(self, now_s: float, *, stop: bool, may_switch_on: bool) -> SessionState[Stage]:
+    def poll(self, now_s: float, *, stop: bool, may_switch_on: bool) -> SessionState:
         """Reads the status and requests the next missing step.
 
         stop: an emergency stop is in force. may_switch_on: servos may come on.
         """
         self._stop, self._may_switch_on = stop, may_switch_on
         self._stopped = self._stopped or stop
-        self._state = self._start.poll(now_s)
-        self._was_ready = self._was_ready or self.ready
-        return self._state
+        return self._start.poll(now_s, self._steps)
 
     def _on_connection(self) -> None:
-        self._was_ready, self._tripped = False, ""
+        self._tripped = ""
 
-    def _communication(self, snapshot: StatusSnapshot, now_s: float) -> tuple[Stage, str] | None:
-        if snapshot.communicating:
-            return None
-        text = "communication with the drives is lost" if self._was_ready else "the engine does not communicate yet"
-        pause_s = self._settings.communication_retry_s
-        return Stage.COMMUNICATION, self._engine.start_communication(now_s, pause_s, text)
-
-    def _stopping(self, snapshot: StatusSnapshot, now_s: float) -> tuple[Stage, str] | None:
+    def _stopping(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
         if self._stop:
             if not snapshot.emergency_stop:
                 self.emergency_stop()
-            self._clear_alarms(snapshot, now_s)  # the release waits for them
+            self._start.clear_alarms(snapshot, now_s)  # the release waits for them
             return Stage.STOPPED, "emergency stop"
         if not snapshot.emergency_stop:
             if self._stopped:
-                self._stopped = self._was_ready = False
+                self._stopped = self._start.was_ready = False
                 self._tripped = ""
             return None
         # Released by the safety monitor. A stop from before this session may belong to another client and is never
@@ -146,41 +124,10 @@ class DriveSession:
         cause = self._tripped or "an emergency stop of another source"
         return Stage.TRIPPED, f"{cause}; needs an emergency stop and its release"
 
-    def _alarms(self, snapshot: StatusSnapshot, now_s: float) -> tuple[Stage, str] | None:
-        faults = self._group.faults(snapshot)
-        if not faults:
-            return None
-        if self._was_ready:
-            return self._trip(faults)
-        self._clear_alarms(snapshot, now_s)
-        return Stage.SWITCHING_ON, faults
-
-    def _servos(self, snapshot: StatusSnapshot, now_s: float) -> tuple[Stage, str] | None:
-        off = self._group.where(~snapshot.servo_on)
-        if not off:
-            return None
-        text = f"servo off: {', '.join(JOINTS[axis] for axis in off)}"
-        if self._was_ready:
-            return self._trip(text)
-        if not self._may_switch_on:
-            return Stage.SWITCHING_ON, f"{text}; waiting for the safety monitor"
-        if self._engine.due("servo", now_s, self._settings.request_pause_s) and self._set_modes(snapshot):
-            self._group.switch_on(off)
-        return Stage.SWITCHING_ON, self._engine.refusal(SERVO_ON, text)
-
-    def _set_modes(self, snapshot: StatusSnapshot) -> bool:
-        def set_mode(axis: int) -> bool:
-            mode = int(_MODES[axis])
-            return self._engine.ask(
-                f"command mode of {JOINTS[axis]}",
-                lambda engine: engine.core_motion.axisControl.SetAxisCommandMode(axis, mode),
-            )
-
-        return all(set_mode(axis) for axis in np.flatnonzero(snapshot.command_mode[:_N_AXES] != _MODES).tolist())
-
-    def _clear_alarms(self, snapshot: StatusSnapshot, now_s: float) -> None:
-        if self.standing(snapshot):
-            self._group.clear_alarms(snapshot, now_s)
+    def _trip(self, _: StatusSnapshot, cause: str) -> tuple[Stage, str]:
+        self._tripped = cause
+        self.emergency_stop()
+        return Stage.TRIPPED, cause
 
     # --- motion ------------------------------------------------------------------------------------------------------
 
@@ -232,7 +179,7 @@ class DriveSession:
 
     def servos_off(self) -> None:
         """Closes the holding brakes. Only for standing wheels."""
-        self._group.switch_off()
+        self._start.switch_off()
 
     def close(self) -> None:
         """Closes the device; wheels that still turn stop at the end of their last command's time."""
@@ -240,12 +187,7 @@ class DriveSession:
 
     @property
     def _not_ready(self) -> str:
-        return f"not ready: {self._state.text}"
-
-    def _trip(self, cause: str) -> tuple[Stage, str]:
-        self._tripped = cause
-        self.emergency_stop()
-        return Stage.TRIPPED, cause
+        return f"not ready: {self.state.text}"
 
 
 def _wheel_speeds_radps(snapshot: StatusSnapshot) -> list[float]:

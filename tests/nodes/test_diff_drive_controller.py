@@ -325,7 +325,7 @@ def test_alarm_and_lost_bus_in_motion(rig: Rig) -> None:
     rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
     rig.break_drives(alarms={"1": 33})
     rig.wait_rest()  # the left wheel too, faster than its command's 5 s
-    rig.node.wait_output("right wheel: alarm 33; needs clear_alarm and set_on")
+    rig.node.wait_output("right wheel alarm 33; needs clear_alarm and set_on")
     rig.break_drives()
     rig.stays_at_rest()
     assert device.read_status()[1].amp_alarm[1], "nobody clears it before somebody has looked"

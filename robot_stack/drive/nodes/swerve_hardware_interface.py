@@ -9,7 +9,7 @@ from robot_stack.contract import topics
 from robot_stack.contract.frames import DRIVE_AXES, JOINTS
 from robot_stack.drive.hardware_parameters import SwerveHardwareParams, axis_settings, session_settings
 from robot_stack.drive.nodes.conversions import joint_states
-from robot_stack.drive.session import DriveSession, Stage
+from robot_stack.drive.session import DriveSession
 from robot_stack.drive.wheel_axes import BadWheelCommands, checked_set_points
 from robot_stack.middleware.conversions import time_from_s, time_to_s
 from robot_stack.middleware.node import StackNode, run
@@ -17,7 +17,7 @@ from robot_stack.wmx import connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import load_client_config
 from robot_stack.wmx.device_opener import ThreadedOpener
-from robot_stack.wmx.start_up import SessionState
+from robot_stack.wmx.start_up import SessionState, Stage
 
 _COMMAND_STALE_S = topics.WHEEL_COMMANDS.stale_limit_s
 
@@ -101,7 +101,7 @@ class SwerveHardwareInterfaceNode(StackNode):
         """Age of the engine's reading, s."""
         return self.age_s(snapshot.age_s(round(1e9 * self.monotonic_s())))
 
-    def _report_state(self, state: SessionState[Stage]) -> None:
+    def _report_state(self, state: SessionState) -> None:
         if state.stage is not Stage.READY:
             self.set_health(state.stage is Stage.STOPPED, state.text)
         elif not self._commanded():

@@ -15,7 +15,7 @@ from robot_stack.core.limits import MotionLimits
 from robot_stack.wmx.api import MAX_AXES
 from robot_stack.wmx.differential.kinematics import BaseGeometry, WheelAxes
 from robot_stack.wmx.differential.odometry import Matrix3, OdometrySettings
-from robot_stack.wmx.differential.states import SessionSettings
+from robot_stack.wmx.differential.settings import SessionSettings
 from robot_stack.wmx.session import Patience
 
 Axis = Annotated[int, Field(ge=0, lt=MAX_AXES)]

@@ -7,17 +7,13 @@ from collections.abc import Callable
 from typing import Final
 
 from robot_stack.wmx import MotionEngine
-from robot_stack.wmx.api import AxisCommandMode, Profile, Velocity_TimedVelCommand, Velocity_VelCommand
+from robot_stack.wmx.api import Profile, Velocity_TimedVelCommand, Velocity_VelCommand
 
 Request = Callable[[MotionEngine], int]
 # A time of zero would be a step; the engine's cycle is this long.
 _SHORTEST_MS: Final = 1.0
 # A timed velocity of zero would be a rest with an end.
 _SLOWEST_RADPS: Final = 1e-3
-
-
-def velocity_mode(axis: int) -> Request:
-    return lambda engine: engine.core_motion.axisControl.SetAxisCommandMode(axis, AxisCommandMode.Velocity)
 
 
 def quick_stop(axis: int) -> Request:

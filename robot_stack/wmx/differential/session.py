@@ -16,25 +16,20 @@ from robot_stack.wmx.api import (
     OperationState,
 )
 from robot_stack.wmx.axes import Flag, StatusSnapshot
-from robot_stack.wmx.axis_group import CLEARING, SERVO_ON, AxisGroup
 from robot_stack.wmx.differential import requests
 from robot_stack.wmx.differential.kinematics import REST, WheelPair
-from robot_stack.wmx.differential.states import SessionSettings, Stage
+from robot_stack.wmx.differential.settings import SessionSettings
 from robot_stack.wmx.session import Applied, EngineSession
-from robot_stack.wmx.start_up import SessionState, StartUp
+from robot_stack.wmx.start_up import Machine, Missing, SessionState, Stage, StartUp
 
-_WHEELS = ("left", "right")
-_MODE = "velocity mode"
+_WHEELS = ("left wheel", "right wheel")
 _DRIVING, _QUICK_STOP = "driving", "quick stop"
 _BY_HAND = "needs clear_alarm and set_on, or an emergency stop and its release"
-_NO_BUS_YET = "the engine does not communicate yet"
 # Share of a command's lifetime after which it is sent again.
 _RENEWED = 1.0 / 3.0
 _SHORTEST_RAMP_S = 1e-3
 _HALTING = (DetailOperationState.Stop_QStop, DetailOperationState.Stop_EStop)
 _HELD_UP = "delayed between the engine's status and the command"
-
-Missing = tuple[Stage, str] | None
 
 
 class WheelSession:
@@ -44,105 +39,61 @@ class WheelSession:
         self._engine = engine
         self._settings = settings
         self._selection = AxisSelection.of(*settings.axes)
-        names = {axis: f"{wheel} wheel:" for axis, wheel in zip(settings.axes, _WHEELS, strict=True)}
-        self._group = AxisGroup(engine, names, settings.request_pause_s)
-        steps = (
-            self._communication,
-            self._parameters,
+        machine = Machine(
+            dict(zip(settings.axes, _WHEELS, strict=True)),
+            (AxisCommandMode.Velocity, AxisCommandMode.Velocity),
+            settings.communication_retry_s,
+            settings.request_pause_s,
+            settings.parameter_file,
+            restarts=True,
+        )
+        self._start = StartUp(engine, machine, fault=self._fault, standing=self.standing)
+        self._steps = (
+            self._start.communication,
+            self._start.parameters,
             self._stopped,
-            self._alarms,
+            self._start.alarms,
             self._modes,
-            self._servos,
+            self._start.servos,
             self._motion,
         )
-        self._start = StartUp(
-            engine, settings.axes, steps, Stage.CONNECTING, Stage.READY, connected=self._on_connection
-        )
         self._stop = False
-        self._parameters_set = False
-        self._was_ready = False
-        self._bus = _NO_BUS_YET
         self._sent: WheelPair | None = None
         self._sent_s = 0.0
         self._ramps_end_s = (0.0, 0.0)
         self._driving_since_s: float | None = None
-        self.state = SessionState(Stage.CONNECTING, engine.text)
+
+    @property
+    def state(self) -> SessionState:
+        return self._start.state
 
     @property
     def ready(self) -> bool:
-        return self.state.stage is Stage.READY
+        return self._start.ready
 
     # --- the next step -----------------------------------------------------------------------------------------------
 
-    def poll(self, now_s: float, *, stop: bool) -> SessionState[Stage]:
+    def poll(self, now_s: float, *, stop: bool) -> SessionState:
         """Reads the status and requests the next missing step. stop: an emergency stop is active."""
         self._stop = stop
-        self.state = self._start.poll(now_s)
-        self._was_ready = self._was_ready or self.ready
+        state = self._start.poll(now_s, self._steps)
         if not self.ready:
             self._sent = self._driving_since_s = None
-        return self.state
-
-    def _on_connection(self) -> None:
-        self._was_ready = self._parameters_set = False
-        self._bus = _NO_BUS_YET
-
-    def _communication(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
-        if snapshot.communicating:
-            return None
-        if self._was_ready:
-            self._was_ready, self._bus = False, "communication with the drives is lost"
-        pause_s = self._settings.communication_retry_s
-        return Stage.COMMUNICATION, self._engine.start_communication(now_s, pause_s, self._bus)
-
-    def _parameters(self, _: StatusSnapshot, now_s: float) -> Missing:
-        """Loads the parameters first: without them a wheel has the wrong gear and must not be switched on."""
-        path = self._settings.parameter_file
-        if self._parameters_set or not path:
-            return None
-        what = f"wmx_param_file_path {path}"
-        if self._engine.due(what, now_s, self._settings.communication_retry_s):
-            self._parameters_set = self._engine.ask(
-                what, lambda engine: engine.core_motion.config.ImportAndSetAll(path)
-            )
-        return None if self._parameters_set else (Stage.PARAMETERS, self._engine.refusal(what, what))
+        return state
 
     def _stopped(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
         if not (self._stop or snapshot.emergency_stop):
             return None
         self._halt(snapshot)
-        self._was_ready = False
-        self._clear_alarms(snapshot, now_s)
+        self._start.was_ready = False
+        self._start.clear_alarms(snapshot, now_s)
         return Stage.STOPPED, "emergency stop" if self._stop else "the engine is in emergency stop"
 
-    def _alarms(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
-        faults = self._group.faults(snapshot)
-        if not faults:
-            return None
-        if self._was_ready:
-            return self._fault(snapshot, f"{faults}; {_BY_HAND}")
-        self._clear_alarms(snapshot, now_s)
-        return Stage.SWITCHING_ON, self._engine.refusal(CLEARING, faults)
-
     def _modes(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
-        wrong = [axis for axis in self._settings.axes if snapshot.command_mode[axis] != AxisCommandMode.Velocity]
-        if not wrong:
-            return None
-        self._halt(snapshot)
-        if self._engine.due(_MODE, now_s, self._settings.request_pause_s):
-            all(self._engine.ask(_MODE, requests.velocity_mode(axis)) for axis in wrong)
-        return Stage.SWITCHING_ON, self._engine.refusal(_MODE, f"{self._names(wrong)} wheel not in velocity mode")
-
-    def _servos(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
-        off = self._group.where(~snapshot.servo_on)
-        if not off:
-            return None
-        text = f"{self._names(off)} wheel: servo off"
-        if self._was_ready:
-            return self._fault(snapshot, f"{text}; {_BY_HAND}")
-        if self._engine.due(SERVO_ON, now_s, self._settings.request_pause_s):
-            self._group.switch_on(off)
-        return Stage.SWITCHING_ON, self._engine.refusal(SERVO_ON, text)
+        """Also of ready wheels, after another client has changed one."""
+        if self._start.wrong_modes(snapshot):
+            self._halt(snapshot)
+        return self._start.modes(snapshot, now_s)
 
     def _motion(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
         """Stops both wheels if another client stopped one: driving on with the other would turn the base."""
@@ -152,12 +103,15 @@ class WheelSession:
         ]
         if strange:
             self._halt(snapshot)
-            return Stage.STOPPING, f"{self._names(strange)} wheel is being stopped"
+            return Stage.STOPPING, f"{self._names(strange)} is being stopped"
         since_s = self._driving_since_s
         if since_s is None or 0.0 <= snapshot.engine_time_s - since_s <= self._settings.follow_s:
             return None
         idle = [axis for axis in axes if snapshot.op_state[axis] == OperationState.Idle]
-        return self._fault(snapshot, f"{self._names(idle)} wheel was stopped by another client") if idle else None
+        if not idle:
+            return None
+        self._halt(snapshot)
+        return Stage.FAULT, f"{self._names(idle)} was stopped by another client"
 
     # --- motion ------------------------------------------------------------------------------------------------------
 
@@ -251,23 +205,19 @@ class WheelSession:
 
     def servos_off(self) -> None:
         """Switches the servos off. Only for standing wheels."""
-        self._group.switch_off()
+        self._start.switch_off()
 
     # --- details -----------------------------------------------------------------------------------------------------
 
     def _fault(self, snapshot: StatusSnapshot, text: str) -> tuple[Stage, str]:
         self._halt(snapshot)
-        return Stage.FAULT, text
+        return Stage.FAULT, f"{text}; {_BY_HAND}"
 
     def _halt(self, snapshot: StatusSnapshot) -> None:
         """Requests a quick stop, unless both wheels are at rest or already in one."""
         states, details = snapshot.op_state, snapshot.flags[Flag.DETAIL_OP_STATE]
         if any(states[axis] != OperationState.Idle and details[axis] not in _HALTING for axis in self._settings.axes):
             self.quick_stop()
-
-    def _clear_alarms(self, snapshot: StatusSnapshot, now_s: float) -> None:
-        if self.standing(snapshot):
-            self._group.clear_alarms(snapshot, now_s)
 
     def _names(self, axes: list[int]) -> str:
         return " and ".join(_WHEELS[self._settings.axes.index(axis)] for axis in axes)

@@ -27,9 +27,9 @@ from robot_stack.wmx.differential.parameters import (
 )
 from robot_stack.wmx.differential.session import WheelSession
 from robot_stack.wmx.differential.shaping import TwistShaper
-from robot_stack.wmx.differential.states import Stage
 from robot_stack.wmx.nodes.diff_drive_outputs import DiffDriveOutputs
 from robot_stack.wmx.session import EngineSession
+from robot_stack.wmx.start_up import Stage
 
 # Discovery time of a sender that started earlier (config/fastdds.xml).
 _DISCOVERY_S = 2.5

@@ -11,11 +11,12 @@ import pytest
 from robot_stack.core.config import load
 from robot_stack.drive.hardware_parameters import SwerveHardwareParams, axis_settings, session_settings
 from robot_stack.drive.kinematics import ModuleSetPoints
-from robot_stack.drive.session import DriveSession, Stage
+from robot_stack.drive.session import DriveSession
 from robot_stack.drive.wheel_axes import DriveMove, SteerMove
 from robot_stack.wmx import EngineError
 from robot_stack.wmx.api import EngineState, ErrorCode, EStopLevel, ProfileType
 from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
+from robot_stack.wmx.start_up import Stage
 from tests.unit.drive.robot import ROBOT
 
 PARAMS = load(SwerveHardwareParams, "swerve_hardware_interface")

@@ -26,8 +26,9 @@ from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
 from robot_stack.wmx.differential.kinematics import REST, WheelPair
 from robot_stack.wmx.differential.parameters import DiffDriveParams, patience
 from robot_stack.wmx.differential.session import WheelSession
-from robot_stack.wmx.differential.states import SessionSettings, Stage
+from robot_stack.wmx.differential.settings import SessionSettings
 from robot_stack.wmx.session import EngineSession
+from robot_stack.wmx.start_up import Stage
 
 PARAMS = load(DiffDriveParams, "diff_drive_controller")
 TICK_S = 0.01
@@ -245,7 +246,7 @@ def test_absent_engine_is_waited_for_a_refusing_one_named(story: Story) -> None:
     [
         ("StartCommunication", Stage.COMMUNICATION, "starting communication: SystemError (error 1280)"),
         ("ImportAndSetAll", Stage.PARAMETERS, "wmx_param_file_path /p.xml: SystemError (error 1280)"),
-        ("SetAxisCommandMode", Stage.SWITCHING_ON, "velocity mode: SystemError (error 1280)"),
+        ("SetAxisCommandMode", Stage.SWITCHING_ON, "command mode: SystemError (error 1280)"),
         ("SetServoOn", Stage.SWITCHING_ON, "servo on: SystemError (error 1280)"),
     ],
 )
@@ -401,9 +402,9 @@ def test_session_without_follow_only_polls_engine(story: Story) -> None:
 @pytest.mark.parametrize(
     ("flag", "value", "says"),
     [
-        (Flag.AMP_ALARM, 1, "right wheel: alarm 0; needs clear_alarm"),
-        (Flag.FOLLOWING_ERROR_ALARM, 1, "right wheel: following error; needs clear_alarm"),
-        (Flag.SERVO_ON, 0, "right wheel: servo off; needs clear_alarm"),
+        (Flag.AMP_ALARM, 1, "right wheel alarm 0; needs clear_alarm"),
+        (Flag.FOLLOWING_ERROR_ALARM, 1, "right wheel following error; needs clear_alarm"),
+        (Flag.SERVO_ON, 0, "servo off: right wheel; needs clear_alarm"),
     ],
 )
 def test_fault_of_one_wheel_stops_both_until_fault_is_cleared(story: Story, flag: Flag, value: int, says: str) -> None:
@@ -484,7 +485,7 @@ def test_commanded_rest_is_not_reported_as_missing_motion(story: Story) -> None:
 def test_mode_that_another_changed_is_set_back_after_a_stop(story: Story) -> None:
     story.driving()
     story.engine.put(Flag.COMMAND_MODE, AxisCommandMode.Position, LEFT)
-    assert story.tick() == (Stage.SWITCHING_ON, "left wheel not in velocity mode")
+    assert story.tick() == (Stage.SWITCHING_ON, "wrong command mode: left wheel")
     assert story.asked() == ["ExecQuickStop"]
     assert story.tick(PARAMS.session.request_pause_s)[0] is Stage.READY
     assert story.asked() == ["ExecQuickStop", "SetAxisCommandMode(2)"]

@@ -1,22 +1,8 @@
-"""Stages of the session with the engine, and its settings."""
+"""Settings of the session with the engine."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum
-
-
-class Stage(Enum):
-    """Progress of the session."""
-
-    CONNECTING = "connecting"
-    COMMUNICATION = "starting communication"
-    PARAMETERS = "setting parameters"
-    STOPPED = "emergency stop"
-    FAULT = "fault"
-    SWITCHING_ON = "switching on"
-    STOPPING = "stopping"
-    READY = "ready"
 
 
 @dataclass(frozen=True, slots=True)
