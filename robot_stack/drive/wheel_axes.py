@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from robot_stack.contract.frames import DRIVE_AXES, MODULES, STEER_AXES
 from robot_stack.drive.kinematics import Four, ModuleSetPoints, nearest_equivalent
+from robot_stack.wmx.timed_velocity import speed_change
 
 # The engine rejects a change in zero time and motion at zero speed.
 _LEAST_ACCELERATION_RADPS2 = 0.5
@@ -136,10 +137,7 @@ def _move(axis: int, now: float, target: float, rate_radps2: float, softest_radp
     """The move at a rate; a falling speed at ``softest_radps2`` at least."""
     acceleration = max(rate_radps2, _LEAST_ACCELERATION_RADPS2)
     deceleration = max(acceleration, softest_radps2)
-    if now * target < 0.0:
-        grows, falls = abs(target), abs(now)
-    else:
-        grows, falls = max(abs(target) - abs(now), 0.0), max(abs(now) - abs(target), 0.0)
+    grows, falls = speed_change(now, target)
     growth_s = grows / acceleration
     return DriveMove(axis, target, acceleration, deceleration, growth_s, growth_s + falls / deceleration)
 

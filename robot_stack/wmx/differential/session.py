@@ -8,7 +8,6 @@ release; a lost engine or bus restarts the sequence.
 
 from __future__ import annotations
 
-from robot_stack.wmx import MotionEngine
 from robot_stack.wmx.api import (
     AxisCommandMode,
     AxisSelection,
@@ -21,6 +20,7 @@ from robot_stack.wmx.differential.kinematics import REST, WheelPair
 from robot_stack.wmx.differential.settings import SessionSettings
 from robot_stack.wmx.session import Applied, EngineSession
 from robot_stack.wmx.start_up import Machine, Missing, SessionState, Stage, StartUp
+from robot_stack.wmx.timed_velocity import start
 
 _WHEELS = ("left wheel", "right wheel")
 _DRIVING, _QUICK_STOP = "driving", "quick stop"
@@ -168,12 +168,8 @@ class WheelSession:
             else:
                 resting.append(requests.rest(axis, remaining_s))
 
-        def drive(engine: MotionEngine) -> int:
-            velocity = engine.core_motion.velocity
-            code = velocity.StartVel(len(resting), resting) if resting else 0
-            return code or (velocity.StartVel_TimedVel(len(turning), turning) if turning else 0)
-
-        self._sent, self._sent_s = speeds if self._engine.ask(_DRIVING, drive) else None, now_s
+        accepted = self._engine.ask(_DRIVING, lambda engine: start(engine.core_motion, resting, turning))
+        self._sent, self._sent_s = speeds if accepted else None, now_s
         if turning and self._held_up(seen):  # the call itself must not exceed this time either
             self._sent = None
             self.quick_stop()

@@ -26,10 +26,10 @@ from robot_stack.wmx.general.requests import (
     check_lengths,
     check_positive,
 )
+from robot_stack.wmx.timed_velocity import by_times, speed_change, timed
 
 _TRAPEZOIDAL: Final = ("", "trapezoidal")
-# A time of zero would be a step, a velocity of zero would be rest.
-_SHORTEST_MS: Final = 1.0
+# A velocity of zero would be rest.
 _SLOWEST_RADPS: Final = 1e-6
 _STATES: Final = {
     AxisCommandMode.Velocity: (OperationState.Idle, OperationState.Velocity),
@@ -101,10 +101,7 @@ def timed_velocity_commands(
     order: AxisOrder, snapshot: StatusSnapshot, lifetime_s: float
 ) -> tuple[list[Velocity_TimedVelCommand], list[Velocity_VelCommand]]:
     """Commands of a checked order: turning axes, which the engine itself slows down again after ``lifetime_s``, and
-    standing axes, which need no end.
-
-    The vendor takes timed velocities with profiles by times only, whose run time counts from reaching the velocity
-    (WMX3 API reference, Velocity::StartVel). A velocity out of reach within the time is reduced.
+    standing axes, which need no end. A velocity out of reach within the time is reduced.
     """
     turning, resting = [], []
     for axis, profile in _profiles(order):
@@ -118,18 +115,13 @@ def timed_velocity_commands(
 def _timed(axis: int, wanted: Profile, now: float, lifetime_s: float) -> Velocity_TimedVelCommand:
     """acc and dec of a profile as equivalent times from the present velocity."""
     target = wanted.velocity
-    falls = abs(now) if now * target < 0.0 else max(abs(now) - abs(target), 0.0)
+    _, falls = speed_change(now, target)
     remaining_s = max(lifetime_s - falls / wanted.dec, 0.0)
     slowest = abs(now) if now * target > 0.0 else 0.0
     speed = min(abs(target), max(slowest, _SLOWEST_RADPS) + wanted.acc * remaining_s)
     growth_s = max(speed - slowest, 0.0) / wanted.acc
-    return Velocity_TimedVelCommand(
-        axis,
-        max(1e3 * (remaining_s - growth_s), _SHORTEST_MS),
-        Profile.SetupTimeAccTrapezoidal(
-            math.copysign(speed, target), max(1e3 * growth_s, _SHORTEST_MS), max(1e3 * speed / wanted.dec, _SHORTEST_MS)
-        ),
-    )
+    profile = by_times(math.copysign(speed, target), growth_s, speed / wanted.dec)
+    return timed(axis, profile, remaining_s - growth_s)
 
 
 def position_commands(order: AxisOrder) -> list[Motion_PosCommand]:

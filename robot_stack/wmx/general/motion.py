@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from robot_stack.wmx import MotionEngine
 from robot_stack.wmx.api import AxisCommandMode, ErrorCode, Velocity_TimedVelCommand
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.general.commands import (
@@ -17,6 +16,7 @@ from robot_stack.wmx.general.commands import (
 )
 from robot_stack.wmx.general.device import Device
 from robot_stack.wmx.general.requests import Refused
+from robot_stack.wmx.timed_velocity import start
 
 
 class AxisMotion:
@@ -36,13 +36,8 @@ class AxisMotion:
         endless = velocity_commands(order)
         if self._timeout_s:
             timed, endless = timed_velocity_commands(order, snapshot, self._timeout_s)
-
-        def start(engine: MotionEngine) -> int:
-            velocity = engine.core_motion.velocity
-            code = velocity.StartVel(len(endless), endless) if endless else 0
-            return code or (velocity.StartVel_TimedVel(len(timed), timed) if timed else 0)
-
-        self._begun(self._device.call(start), order, snapshot)
+        code = self._device.call(lambda engine: start(engine.core_motion, endless, timed))
+        self._begun(code, order, snapshot)
 
     def go_to(self, order: AxisOrder) -> None:
         """Absolute positions."""
