@@ -51,8 +51,7 @@ class DriveCommands:
 class DriveFeedback:
     """Drives to engine; arrays of length ``n_axes``, except ``inputs``. ``alarm_code`` 0 means no alarm.
 
-    ``torque_percent`` is in percent of rated torque, positive in the drive's positive direction. Switches are as wired:
-    True is a high signal; the ``has_`` arrays show which sensors a drive has.
+    ``torque_percent`` is in percent of rated torque, positive in the drive's positive direction.
     """
 
     position_counts: NDArray[np.int64]
@@ -61,11 +60,6 @@ class DriveFeedback:
     servo_on: NDArray[np.bool_]
     alarm_code: NDArray[np.int32]
     inputs: NDArray[np.uint8]
-    positive_limit: NDArray[np.bool_]
-    negative_limit: NDArray[np.bool_]
-    home_switch: NDArray[np.bool_]
-    has_limit_switches: NDArray[np.bool_]
-    has_home_switch: NDArray[np.bool_]
 
     @classmethod
     def zeros(cls, n_axes: int, n_input_bytes: int) -> DriveFeedback:
@@ -77,19 +71,7 @@ class DriveFeedback:
             servo_on=np.zeros(n_axes, np.bool_),
             alarm_code=np.zeros(n_axes, np.int32),
             inputs=np.zeros(n_input_bytes, np.uint8),
-            positive_limit=np.zeros(n_axes, np.bool_),
-            negative_limit=np.zeros(n_axes, np.bool_),
-            home_switch=np.zeros(n_axes, np.bool_),
-            has_limit_switches=np.zeros(n_axes, np.bool_),
-            has_home_switch=np.zeros(n_axes, np.bool_),
         )
-
-    def forget_sensors(self) -> None:
-        """Sets all sensors to absent."""
-        for sensor in (self.positive_limit, self.negative_limit, self.home_switch):
-            sensor.fill(False)
-        for present in (self.has_limit_switches, self.has_home_switch):
-            present.fill(False)
 
 
 class ServoBus(Protocol):

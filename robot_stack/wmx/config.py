@@ -73,30 +73,11 @@ class Homing(Config):
     acceleration_radps2: Positive
 
 
-class Switches(Config):
-    """Positions of a simulated drive's switches, from its encoder's zero, in its encoder's direction. null: none."""
-
-    positive_limit_rad: float | None
-    negative_limit_rad: float | None
-    home_from_rad: float | None
-    home_to_rad: float | None
-
-    @model_validator(mode="after")
-    def _in_order(self) -> Switches:
-        ends = (self.negative_limit_rad, self.positive_limit_rad)
-        if None not in ends and not self.negative_limit_rad < self.positive_limit_rad:  # type: ignore[operator]
-            raise ValueError("negative_limit_rad must be below positive_limit_rad")
-        if (self.home_from_rad is None) != (self.home_to_rad is None):
-            raise ValueError("home_from_rad and home_to_rad must be given together")
-        if self.home_from_rad is not None and not self.home_from_rad < self.home_to_rad:  # type: ignore[operator]
-            raise ValueError("home_from_rad must be below home_to_rad")
-        return self
-
-
 class AxisKind(Config):
     """One kind of axis. Encoder counts = rad * gear_numerator / gear_denominator * polarity.
 
-    ``limit_switches`` and ``homing`` null: the vendor's defaults; ``switches`` null: the drive has none.
+    ``limit_switches`` and ``homing`` are for a parameter file only, because no simulated drive has a switch; null: the
+    vendor's defaults.
     """
 
     mode: Literal["position", "velocity"]
@@ -114,7 +95,6 @@ class AxisKind(Config):
     soft_limits: SoftLimits | None
     limit_switches: LimitSwitches | None = None
     homing: Homing | None = None
-    switches: Switches | None = None
 
     @model_validator(mode="after")
     def _one_deceleration(self) -> AxisKind:

@@ -14,7 +14,6 @@ from robot_stack.wmx.config import EngineConfig, load_engine_config, read_engine
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.parameter_file import ParameterValues, write_file
 from robot_stack.wmx.simulated.server import EngineServer
-from robot_stack.wmx.simulated.switches import drive_switches
 from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
 
 
@@ -37,7 +36,7 @@ def run_engine(config: EngineConfig, folder: Path, speed: float = 1.0) -> None:
 
 
 def _engine(config: EngineConfig) -> Engine:
-    drives = VirtualDrives(config.n_axes, config.cycle_time_s, switches=drive_switches(config))
+    drives = VirtualDrives(config.n_axes, config.cycle_time_s)
     signal = config.estop_signal
     if not signal.active:  # nothing is wired to virtual drives: the input rests
         drives.inputs = {signal.byte: 1 << signal.bit}

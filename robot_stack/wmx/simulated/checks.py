@@ -9,11 +9,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_stack.wmx.api.enums import Config_LimitSwitchType, ProfileType
+from robot_stack.wmx.api.enums import ProfileType
 from robot_stack.wmx.api.errors import CoreMotionErrorCode, ErrorCode
 from robot_stack.wmx.api.values import Profile
 from robot_stack.wmx.axes import Flag
-from robot_stack.wmx.simulated import rows
 
 Ints = NDArray[np.int64]
 
@@ -34,17 +33,12 @@ def axes_in_range(axes: Sequence[int], n_axes: int) -> int:
     return ErrorCode.PyNone if len(set(axes)) == len(axes) else ErrorCode.DuplicateAxis
 
 
-def towards_limit(flags: Ints, work: Ints, axis: int, direction: float) -> int:
+def towards_limit(flags: Ints, axis: int, direction: float) -> int:
     """No motion further into a limit at which the axis is; ``direction`` is signed, 0 for none."""
     if direction == 0.0:
         return ErrorCode.PyNone
-    forwards = direction > 0.0
-    if flags[Flag.POSITIVE_SOFT_LIMIT if forwards else Flag.NEGATIVE_SOFT_LIMIT, axis]:
-        return ErrorCode.AxisSoftLimit
-    named_positive = forwards == (work[rows.LS_REVERSED, axis] == 0)
-    kind = work[rows.LS_POSITIVE_TYPE if named_positive else rows.LS_NEGATIVE_TYPE, axis]
-    on = flags[Flag.POSITIVE_LS if named_positive else Flag.NEGATIVE_LS, axis]
-    return ErrorCode.AxisHardLimit if on and kind != Config_LimitSwitchType.PyNone else ErrorCode.PyNone
+    on = flags[Flag.POSITIVE_SOFT_LIMIT if direction > 0.0 else Flag.NEGATIVE_SOFT_LIMIT, axis]
+    return ErrorCode.AxisSoftLimit if on else ErrorCode.PyNone
 
 
 def _within(value: float) -> bool:

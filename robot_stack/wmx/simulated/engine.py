@@ -24,17 +24,14 @@ from robot_stack.wmx.api.errors import CoreMotionErrorCode, ErrorCode
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback, ServoBus
 from robot_stack.wmx.config import EngineConfig
-from robot_stack.wmx.simulated import checks, rows
+from robot_stack.wmx.simulated import checks, homing, rows
 from robot_stack.wmx.simulated.devices import REPORT_S, TURNS, Device, DeviceTable
-from robot_stack.wmx.simulated.homing import Homing
-from robot_stack.wmx.simulated.homing_motion import rename
 from robot_stack.wmx.simulated.kernel import absorb, advance, cancel
 from robot_stack.wmx.simulated.motion import MotionControl
 from robot_stack.wmx.simulated.network import Network
 from robot_stack.wmx.simulated.parameter_set import ParameterSet, rescale
 from robot_stack.wmx.simulated.parameters import Parameters
 from robot_stack.wmx.simulated.state import Condition, EngineArrays
-from robot_stack.wmx.simulated.switch_kernel import watch_switches
 
 _NO_ERROR = int(ErrorCode.PyNone)
 _OFFLINE = int(ErrorCode.ServoOffline)
@@ -55,7 +52,6 @@ class Engine:
         self.motion = MotionControl(self.arrays, self.condition)
         self.commands = DriveCommands.zeros(config.n_axes, config.n_output_bytes)
         self.feedback = DriveFeedback.zeros(config.n_axes, config.n_input_bytes)
-        self.homing = Homing(self.arrays, self.parameters, self.feedback)
         self.network = Network(self.condition)
         self._bus = bus
         self._starting_cycles = 0
@@ -100,7 +96,6 @@ class Engine:
         self._lost_in_a_row = 0
         self._absorb()
         self.motion.splines.watch()
-        self.homing.step()
         if self._starting_cycles:
             self._starting_cycles -= 1
             if not self._starting_cycles:
@@ -140,9 +135,6 @@ class Engine:
             inp.servo_on,
             inp.alarm_code,
         )
-        watch_switches(
-            a.reals, a.flags, a.params, a.work, a.plan, inp.positive_limit, inp.negative_limit, inp.home_switch
-        )
 
     def _warm_up(self) -> None:
         """Compiles or loads all compiled code now: in the middle of a ride it would halt the cycle for seconds."""
@@ -181,7 +173,6 @@ class Engine:
             if self.parameters.home(axis).clearHomeDoneOnCommStop:
                 a.flags[Flag.HOME_DONE, axis] = 0
         self.motion.splines.forget_runs()
-        self.homing.forget()
         a.flags[Flag.SERVO_ON] = 0
         a.flags[Flag.SERVO_REQUESTED] = 0
         a.flags[Flag.SERVO_OFFLINE] = 1
@@ -191,9 +182,6 @@ class Engine:
         a.reals[Real.ACTUAL_VELOCITY] = 0.0
         a.reals[Real.ACTUAL_TORQUE] = 0.0
         self.feedback.inputs.fill(0)
-        self.feedback.forget_sensors()
-        for row in (Flag.POSITIVE_LS, Flag.NEGATIVE_LS, Flag.HOME_SWITCH):
-            a.flags[row] = 0
         self.commands.servo_on.fill(False)
         self.commands.velocity_counts_per_s.fill(0.0)
 
@@ -276,7 +264,6 @@ class Engine:
             self._leave_communication()
             self._bus.exchange(self.commands, self.feedback)
             self.feedback.inputs.fill(0)
-            self.feedback.forget_sensors()
         return _NO_ERROR
 
     def _reset(self) -> None:
@@ -381,18 +368,18 @@ class Engine:
         reals[Real.POS_CMD, axis] = reals[Real.PROFILE_TARGET_POS, axis] = reals[Real.ACTUAL_POS, axis]
         return _NO_ERROR
 
-    def start_home(self, axes: Sequence[int], device: int = 0) -> int:
+    def start_home(self, axes: Sequence[int]) -> int:
         """Homes by the axes' home parameters. All axes or none."""
         code = self._reachable(axes)
         if code:
             return code
         if self.condition.emergency_stop:
             return CoreMotionErrorCode.EmergencyStopSignalOn
-        return self.homing.start(device, axes)
+        return homing.start(self.arrays, self.parameters, axes)
 
     def cancel_home(self, axis: int) -> int:
-        """Stops a homing motion; no effect on any other axis."""
-        return checks.axes_in_range([axis], self.arrays.n_axes) or self.homing.cancel(axis)
+        """No effect: a homing to the present position is over at once."""
+        return checks.axes_in_range([axis], self.arrays.n_axes)
 
     def set_position(self, axis: int, row: Real, position: float) -> int:
         """Renames the present position of an axis, commanded (row POS_CMD) or measured (ACTUAL_POS)."""
@@ -404,7 +391,7 @@ class Engine:
             return code
         if not self._idle(axis):
             return ErrorCode.NotIdleState
-        rename(self.arrays, axis, row, position)
+        homing.rename(self.arrays, axis, row, position)
         return _NO_ERROR
 
     def set_gear(self, axis: int, numerator: float, denominator: float) -> int:

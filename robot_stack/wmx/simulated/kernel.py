@@ -101,7 +101,6 @@ def begin_stop(
     An axis that a spline carries leaves its path.
     """
     work[rows.SPLINE, i] = 0
-    work[rows.STOP_BEGUN, i] = 1
     work[rows.SEGMENTS, i] = plan_stop(plan[i], reals[POS_CMD, i], reals[VELOCITY_CMD, i], dec)
     work[rows.TICK, i] = 0
     work[rows.RUN_CYCLES, i] = 0

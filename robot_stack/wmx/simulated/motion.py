@@ -163,7 +163,7 @@ class MotionControl:
         return _NO_ERROR
 
     def _towards_limit(self, moves: Sequence[tuple[int, float]]) -> int:
-        codes = (checks.towards_limit(self._a.flags, self._a.work, axis, direction) for axis, direction in moves)
+        codes = (checks.towards_limit(self._a.flags, axis, direction) for axis, direction in moves)
         return next(filter(None, codes), _NO_ERROR)
 
     def _stop_each(self, axes: Sequence[int], mode: AxisCommandMode, stop: Callable[[int], None]) -> int:

@@ -8,7 +8,6 @@ from dataclasses import replace
 from robot_stack.wmx.api.enums import (
     AxisCommandMode,
     Config_FollowingErrorAlarmType,
-    Config_LimitSwitchDirection,
     Config_LimitSwitchType,
     Config_VelocityFollowingErrorAlarmType,
 )
@@ -120,7 +119,6 @@ class Parameters:
                     work[rows.DELAYED_POS_SET_CYCLES] = _cycles(block.delayedPosSetMilliseconds, cycle_s)
                 case Config_HomeParam():
                     work[rows.UNHOME_ON_SERVO_OFF] = block.clearHomeDoneOnServoOff
-                    work[rows.HS_INVERT] = block.invertHSPolarity
                 case Config_LimitParam():
                     self._apply_limit(axis, block)
                     params[rows.SOFT_POSITIVE] = block.softLimitPositivePos
@@ -136,14 +134,9 @@ class Parameters:
     def _apply_limit(self, axis: int, block: Config_LimitParam) -> None:
         work = self._a.work[:, axis]
         separate = Config_LimitSwitchType.SeparatePositiveLSNegativeLS
-        soft, hard = block.softLimitType, block.lsType
+        soft = block.softLimitType
         work[rows.SOFT_POSITIVE_TYPE] = block.positiveSoftLimitType if soft == separate else soft
         work[rows.SOFT_NEGATIVE_TYPE] = block.negativeSoftLimitType if soft == separate else soft
-        work[rows.LS_POSITIVE_TYPE] = block.positiveLSType if hard == separate else hard
-        work[rows.LS_NEGATIVE_TYPE] = block.negativeLSType if hard == separate else hard
-        work[rows.LS_INVERT_POSITIVE] = block.invertPositiveLSPolarity
-        work[rows.LS_INVERT_NEGATIVE] = block.invertNegativeLSPolarity
-        work[rows.LS_REVERSED] = block.lsDirection == Config_LimitSwitchDirection.Reverse
 
     def _apply_alarm(self, axis: int, block: Config_AlarmParam) -> None:
         params, work = self._a.params[:, axis], self._a.work[:, axis]

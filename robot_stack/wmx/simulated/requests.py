@@ -147,7 +147,7 @@ _OF_SURFACE: Final[dict[str, Callable[..., Any]]] = {
     "velocity.StartVel": lambda a, commands: a.engine.motion.start_velocity(a.device.id, commands),
     "velocity.StartVel_TimedVel": lambda a, commands: a.engine.motion.start_velocity(a.device.id, commands),
     **_stops("velocity", AxisCommandMode.Velocity),
-    "home.StartHome": lambda a, axes: a.engine.start_home(axes, a.device.id),
+    "home.StartHome": lambda a, axes: a.engine.start_home(axes),
     "home.Cancel": lambda a, axis: a.engine.cancel_home(axis),
     "home.SetCommandPos": lambda a, axis, position: a.engine.set_position(axis, Real.POS_CMD, position),
     "config.SetGearRatio": lambda a, axis, num, den: a.engine.set_gear(axis, num, den),

@@ -49,13 +49,5 @@ N_PARAMS: Final = 16
     OVERTRAVEL,  # parameter
     SPLINE,  # mark of the spline that carries the axis, 0 = none
     SOFT_NEGATIVE_TYPE,  # parameter
-    LS_POSITIVE_TYPE,  # parameter: of the switch named positive
-    LS_NEGATIVE_TYPE,  # parameter
-    LS_INVERT_POSITIVE,  # parameter
-    LS_INVERT_NEGATIVE,  # parameter
-    LS_REVERSED,  # parameter: the switch named positive lies at the negative end
-    HS_INVERT,  # parameter
-    LS_IGNORED,  # ends whose switch a homing motion uses itself
-    STOP_BEGUN,  # a stop has begun since this was last cleared
-) = range(27)
-N_WORK: Final = 27
+) = range(19)
+N_WORK: Final = 19

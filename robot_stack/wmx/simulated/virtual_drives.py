@@ -7,13 +7,11 @@ or the integral of the commanded velocity with the time constant ``lag_s``; off,
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.wmx.bus import MODE_POSITION, DriveCommands, DriveFeedback
-from robot_stack.wmx.simulated.switches import DriveSwitches
 
 
 class VirtualDrives:
@@ -22,18 +20,9 @@ class VirtualDrives:
     ``alarms``: code per drive, cleared on request unless ``stubborn``. ``broken``: drives that cannot be on.
     ``frozen``: drives whose encoder stands still. ``connected``: False loses the bus, ``lose_cycles`` loses it for that
     many cycles. ``inputs``: bytes of the input image; ``outputs``: the output image last received.
-    ``switches``: sensors of each drive, None for a drive without any.
     """
 
-    def __init__(
-        self,
-        n_axes: int,
-        cycle_time_s: float,
-        lag_s: float = 0.005,
-        servo_delay_cycles: int = 2,
-        switches: Sequence[DriveSwitches | None] = (),
-    ) -> None:
-        self.switches: list[DriveSwitches | None] = [*switches, *[None] * (n_axes - len(switches))]
+    def __init__(self, n_axes: int, cycle_time_s: float, lag_s: float = 0.005, servo_delay_cycles: int = 2) -> None:
         self.n_axes = n_axes
         self.connected = True
         self.lose_cycles = 0
@@ -63,9 +52,6 @@ class VirtualDrives:
             return False
         self._switch(out)
         self._move(out)
-        for axis, switches in enumerate(self.switches):
-            if switches is not None:
-                switches.fill(inp, axis, float(self.position[axis]))
         self.outputs = out.outputs.copy()
         live = ~self.frozen
         inp.position_counts[live] = np.rint(self.position[live])

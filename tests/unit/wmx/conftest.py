@@ -7,23 +7,10 @@ from collections import defaultdict
 
 import pytest
 
-from tests.unit.wmx.machine import Machine, machine
-
 ALL_VARIABLE = "ROBOT_STACK_WMX_CONFORMANCE"
 _THINNED = ("TestAdapterOnTheFake", "TestEngineProcess")
 _AT_MOST = 4
 _WHOLE = ("test_call_on_a_closed_device",)
-
-
-@pytest.fixture(scope="module")
-def shared() -> Machine:
-    return machine()
-
-
-@pytest.fixture
-def bench(shared: Machine) -> Machine:
-    shared.restart()
-    return shared
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -150,3 +150,11 @@ def test_soft_limits_reach_the_engine() -> None:
     limit = engine.parameters.get("limit", 0)
     assert limit.softLimitPositivePos == 2.0  # type: ignore[union-attr]
     assert limit.softLimitNegativePos == -1.0  # type: ignore[union-attr]
+
+
+def test_two_decelerations_for_one_parameter() -> None:
+    soft = {"negative_rad": -1.0, "positive_rad": 1.0, "dec_radps2": 5.0}
+    hard = {"action": "dec", "dec_radps2": 6.0, "slow_dec_radps2": 1.0}
+    kinds = {"a": axis_kind(soft_limits=soft, limit_switches=hard)}
+    with pytest.raises(ConfigError, match="must be equal"):
+        validate(EngineConfig, engine_data(kinds=kinds, axes=[{"name": "a", "kind": "a"}]), "file.yaml")

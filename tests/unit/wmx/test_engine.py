@@ -13,6 +13,8 @@ from hypothesis import strategies as st
 
 from robot_stack.wmx.api import (
     AxisCommandMode,
+    Config_LimitParam,
+    Config_LimitSwitchType,
     CoreMotionErrorCode,
     DetailOperationState,
     EngineState,
@@ -386,6 +388,29 @@ def _shared_bench() -> Bench:
             break
     assert bench.engine.at_rest
     return bench
+
+
+class TestSoftLimits:
+    def test_each_end_has_its_type(self, bench: Bench) -> None:
+        limits = Config_LimitParam(
+            softLimitType=Config_LimitSwitchType.SeparatePositiveLSNegativeLS,
+            positiveSoftLimitType=Config_LimitSwitchType.SlowDec,
+            softLimitPositivePos=0.5,
+            softLimitNegativePos=-0.5,
+            lsDec=10.0,
+            lsSlowDec=2.0,
+        )
+        assert bench.engine.parameters.set("limit", POS, limits) == ErrorCode.PyNone
+        bench.flag(Flag.HOME_DONE)[POS] = 1
+        slow = Profile.SetupTrapezoidal(1.0, 10.0, 10.0)
+        assert bench.start_pos(POS, 1000.0, slow) == ErrorCode.PyNone
+        bench.step(1500)
+        assert bench.flag(Flag.OP_STATE)[POS] == OperationState.Idle
+        assert bench.real(Real.POS_CMD)[POS] == pytest.approx(0.5 + 1.0 / 4.0, abs=0.004)
+        assert bench.start_pos(POS, 2.0, slow) == ErrorCode.AxisSoftLimit
+        assert bench.start_pos(POS, -1000.0, slow) == ErrorCode.PyNone
+        bench.step(2000)
+        assert bench.real(Real.ACTUAL_POS)[POS] < -0.6, "no limit at this end"
 
 
 class TestRequests:

@@ -25,6 +25,7 @@ from robot_stack.wmx.api import (
 )
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.config import EngineConfig
+from robot_stack.wmx.simulated import __main__ as process
 from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.parameter_file import (
     LARGEST_FILE,
@@ -341,6 +342,17 @@ class TestArmsFile:
 
     def test_shipped_parameter_file_equals_engine_defaults_of_arm(self, arm: Engine) -> None:
         assert self.PATH.read_text(encoding="utf-8") == render(values(arm)), "export it again"
+
+    def test_it_is_written_without_running_a_server(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    ) -> None:
+        arguments = ["engine", "--config", str(config_dir() / "wmx_engine_manipulator.yaml"), "--export-parameters"]
+        monkeypatch.setattr("sys.argv", [*arguments, str(tmp_path / "written.xml")])
+        assert process.main() == 0
+        assert (tmp_path / "written.xml").read_bytes() == self.PATH.read_bytes()
+        monkeypatch.setattr("sys.argv", [*arguments, str(tmp_path / "no" / "folder.xml")])
+        assert process.main() == 1
+        assert "No such file" in capsys.readouterr().err
 
     def test_the_engine_takes_it(self, arm: Engine) -> None:
         read = read_file(str(self.PATH), arm.arrays.n_axes)
