@@ -23,8 +23,8 @@ from robot_stack.docking.nodes.attached_file import AttachedFile
 from robot_stack.ros.executor import LeanExecutor
 from robot_stack.ros.process import EXIT_CRASHED, EXIT_REFUSED, StopSignal, ros_process
 from robot_stack.wmx.config import load_engine_config
-from robot_stack.wmx.simulated.engine import Engine
-from robot_stack.wmx.simulated.server import EngineServer
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.server import EngineServer
 from sim.nodes.battery_driver import BatteryDriver
 from sim.nodes.imu_driver import ImuDriver
 from sim.nodes.sim_world import SimWorld

@@ -17,8 +17,8 @@ from robot_stack.core.runtime import AlreadyRunning, runtime_dir
 from robot_stack.middleware.node import StackNode
 from robot_stack.ros.process import EXIT_CRASHED, EXIT_REFUSED, StopSignal, ros_process
 from robot_stack.wmx.config import EngineConfig, load_engine_config
-from robot_stack.wmx.simulated.engine import Engine
-from robot_stack.wmx.simulated.server import EngineServer
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.server import EngineServer
 from sim.nodes.fault_service import serve_faults
 from sim.plant.engine_loop import EngineLoop, EveryCycles, Plant
 

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from robot_stack.core.pacing import Sleeper, sharpen_sleep
 from robot_stack.wmx.bus import ServoBus
-from robot_stack.wmx.simulated.server import EngineServer
+from robot_stack.wmx.engine_server.server import EngineServer
 from sim.plant.fault_table import FaultKind, FaultTable
 from sim.run.pacing import Pacer
 from sim.run.requests import RequestQueue

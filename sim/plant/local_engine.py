@@ -12,10 +12,10 @@ from robot_stack.wmx import MotionEngine
 from robot_stack.wmx.api import ErrorCode
 from robot_stack.wmx.axes import AxisFeedback, StatusSnapshot, axis_feedback, empty_snapshot
 from robot_stack.wmx.config import EngineConfig
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.requests import Session, execute
 from robot_stack.wmx.simulated.client import ClientLimits, Device
-from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.library import library_of
-from robot_stack.wmx.simulated.requests import Session, execute
 from sim.plant.simulation import Simulation
 
 _COMMUNICATION_TRIES: Final = 1000

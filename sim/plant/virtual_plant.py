@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from robot_stack.wmx.config import EngineConfig
-from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 from sim.plant.fault_table import FaultKind
 
 DEFAULT_ALARM_CODE = 0x4210  # CiA 402: excess temperature of the device

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from robot_stack.core.geometry import Twist2
 from robot_stack.core.robot import load_robot
-from robot_stack.wmx.simulated.server import EngineServer
+from robot_stack.wmx.engine_server.server import EngineServer
 from sim.parameters import load_sim_params
 from sim.plant.rig import Rig, TwistController
 from sim.plant.world import Setup

@@ -15,8 +15,8 @@ from robot_stack.wmx import EngineError, MotionEngine
 from robot_stack.wmx.api import ErrorCode
 from robot_stack.wmx.axes import StatusSnapshot, empty_snapshot
 from robot_stack.wmx.config import load_client_config
+from robot_stack.wmx.engine_server.engine import Engine
 from robot_stack.wmx.session import EngineSession
-from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.library import library_of
 from robot_stack.wmx.view import PATIENCE, RETRY_S
 from sim.plant.local_engine import LocalDevice

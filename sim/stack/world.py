@@ -9,7 +9,7 @@ from builtin_interfaces.msg import Time
 from robot_stack.docking.nodes.attached_file import AttachedFile
 from robot_stack.middleware.conversions import NANOSECONDS
 from robot_stack.wmx.config import load_engine_config
-from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.engine_server.engine import Engine
 from sim.nodes.battery_driver import BatteryDriver
 from sim.nodes.imu_driver import ImuDriver
 from sim.nodes.sim_world import SimWorld

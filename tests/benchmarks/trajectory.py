@@ -25,7 +25,7 @@ AIMS = {
     "runs": Aim(">=", 200),
 }
 _ENGINES = {
-    "virtual": ("robot_stack.wmx.simulated",),
+    "virtual": ("robot_stack.wmx.engine_server",),
     "arm": ("robot_stack.ros.main", "sim_manipulator"),
 }
 _DRIVES = {

@@ -30,7 +30,7 @@ from robot_stack.wmx import MotionEngine, connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE
 from robot_stack.wmx.simulated.channel import StatusView
-from robot_stack.wmx.simulated.server import SOCKET_FILE
+from robot_stack.wmx.simulated.protocol import SOCKET_FILE
 from tests.support.braking import braking_s
 from tests.support.peer import Heard, Peer
 from tests.support.processes import ROOT, NodeProcess

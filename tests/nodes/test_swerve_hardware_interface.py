@@ -18,7 +18,7 @@ from robot_stack.core.runtime import runtime_dir
 from robot_stack.wmx import MotionEngine
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.simulated.channel import StatusView
-from robot_stack.wmx.simulated.server import SOCKET_FILE
+from robot_stack.wmx.simulated.protocol import SOCKET_FILE
 from tests.support.peer import Peer
 from tests.support.processes import ROOT, NodeProcess
 from tests.support.waiting import DEADLINE_S, wait_for

@@ -18,8 +18,8 @@ from robot_stack.middleware.port import Port
 from robot_stack.wmx import EngineError, MotionEngine
 from robot_stack.wmx.api import ErrorCode, error_name
 from robot_stack.wmx.config import load_engine_config
-from robot_stack.wmx.simulated.engine import Engine
-from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 from sim.plant.simulation import Simulation
 from sim.scheduler.process import Process
 from sim.scheduler.scheduler import Scheduler

@@ -11,8 +11,7 @@ from typing import Any, Final
 
 from robot_stack.wmx.api.errors import ErrorCode
 from robot_stack.wmx.axes import AxisFeedback, StatusSnapshot, empty_snapshot
-from robot_stack.wmx.simulated.protocol import Decoder, FrameError, encode
-from robot_stack.wmx.simulated.server import SOCKET_FILE
+from robot_stack.wmx.simulated.protocol import SOCKET_FILE, Decoder, FrameError, encode
 from robot_stack.wmx.simulated.status_memory import StatusReader, StatusUnreadable
 
 _RECEIVE_BYTES: Final = 65536

@@ -2,7 +2,7 @@
 
 The path of CreateDevice: the vendor's installation roots and "" mean the stack's own runtime folder, any other path is
 the runtime folder of an engine. The engine's process is started by its owner (the simulation, or
-``python -m robot_stack.wmx.simulated``), never by a client: a device can only be created where one runs.
+``python -m robot_stack.wmx.engine_server``), never by a client: a device can only be created where one runs.
 """
 
 from __future__ import annotations
@@ -37,8 +37,7 @@ from robot_stack.wmx.axes import AxisFeedback, Flag, StatusSnapshot, empty_snaps
 from robot_stack.wmx.simulated.channel import Channel, Reply, StatusView
 from robot_stack.wmx.simulated.parameter_file import ParameterFileError, ParameterValues, read_file, write_file
 from robot_stack.wmx.simulated.protocol import pack
-from robot_stack.wmx.simulated.requests import request_name
-from robot_stack.wmx.simulated.wire import decode, encode_all, integer
+from robot_stack.wmx.simulated.wire import decode, encode_all, integer, request_name
 
 INSTALLATION_ROOTS: Final = ("", "/opt/lmx", "/opt/wmx3")
 _POLL_S: Final = 0.001

@@ -19,6 +19,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+SOCKET_FILE: Final = "engine.sock"
+"""In the runtime folder of the engine."""
 LARGEST_FRAME: Final = 256 * 1024
 _LENGTH: Final = struct.Struct("<I")
 

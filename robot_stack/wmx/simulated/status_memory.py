@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import mmap
 import os
-import platform
 import struct
 import time
 import zlib
@@ -30,17 +29,16 @@ from numpy.typing import NDArray
 
 from robot_stack.wmx.api.enums import EngineState
 from robot_stack.wmx.axes import N_FLAGS, N_REALS, AxisFeedback, Real, StatusSnapshot, axis_feedback
-from robot_stack.wmx.simulated.engine import Engine
 
 STATUS_FILE: Final = "engine.status"
 
-_MAGIC: Final = 0x53_58_4D_57  # "WMXS"
-_LAYOUT: Final = 4
-_HEAD: Final = struct.Struct("<qqqqqqqq")
+MAGIC: Final = 0x53_58_4D_57  # "WMXS"
+LAYOUT: Final = 4
+HEAD: Final = struct.Struct("<qqqqqqqq")
 """magic, layout, axes, input bytes, output bytes, checksum used, checksum, sequence number"""
-_CHECKSUM_AT: Final = 48
-_SEQUENCE_AT: Final = 56
-_META: Final = struct.Struct("<qqqqqqqqqq")
+CHECKSUM_AT: Final = 48
+SEQUENCE_AT: Final = 56
+META: Final = struct.Struct("<qqqqqqqqqq")
 """state, epoch, cycles, stamp ns, cycle time ns, error, emergency stop, its level, lost cycles, overruns"""
 
 _FEEDBACK_META: Final = struct.Struct("<qqqq")
@@ -60,62 +58,14 @@ class StatusUnreadable(Exception):
     """There is no status page, it is no status page of this layout, or its writer died in the middle of a write."""
 
 
-class StatusWriter:
-    """Publishes an engine's status in ``folder``. ``checked`` forces the checksum on or off."""
-
-    def __init__(self, engine: Engine, folder: Path, checked: bool | None = None) -> None:
-        self._engine = engine
-        self._checked = platform.machine() not in ORDERED_MACHINES if checked is None else checked
-        arrays, inputs, outputs = engine.arrays, engine.feedback.inputs, engine.commands.outputs
-        n_axes = arrays.n_axes
-        layout = _Layout(n_axes, inputs.size, outputs.size)
-        self._page = _create(folder / STATUS_FILE, layout.size)
-        head = (_MAGIC, _LAYOUT, n_axes, inputs.size, outputs.size, int(self._checked), 0, 0)
-        _HEAD.pack_into(self._page, 0, *head)
-        self._sequence = 0
-        self._number = np.frombuffer(self._page, np.int64, 1, _SEQUENCE_AT)
-        self._reals = np.frombuffer(self._page, np.float64, N_REALS * n_axes, layout.reals).reshape(N_REALS, n_axes)
-        self._flags = np.frombuffer(self._page, np.int64, N_FLAGS * n_axes, layout.flags).reshape(N_FLAGS, n_axes)
-        self._inputs = np.frombuffer(self._page, np.uint8, inputs.size, layout.inputs)
-        self._outputs = np.frombuffer(self._page, np.uint8, outputs.size, layout.outputs)
-        self._contents = memoryview(self._page)[_HEAD.size : layout.size]
-
-    def publish(self, stamp_ns: int) -> None:
-        """Writes the present status, stamped with the monotonic clock."""
-        engine, condition = self._engine, self._engine.condition
-        self._sequence += 2
-        self._number[0] = self._sequence - 1
-        _META.pack_into(
-            self._page,
-            _HEAD.size,
-            condition.state,
-            condition.epoch,
-            condition.cycles,
-            stamp_ns,
-            round(1e9 * condition.cycle_time_s),
-            condition.error,
-            condition.emergency_stop,
-            condition.emergency_stop_level,
-            condition.lost_cycles,
-            condition.overruns,
-        )
-        self._reals[:] = engine.arrays.reals
-        self._flags[:] = engine.arrays.flags
-        self._inputs[:] = engine.feedback.inputs
-        self._outputs[:] = engine.commands.outputs
-        if self._checked:
-            struct.pack_into("<q", self._page, _CHECKSUM_AT, zlib.crc32(self._contents))
-        self._number[0] = self._sequence
-
-
 class StatusReader:
     """Reads the status published in ``folder``. Raises StatusUnreadable where there is none."""
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / STATUS_FILE
         self._page, self._layout, self._checked = _open(self._path)
-        self._number = memoryview(self._page)[_SEQUENCE_AT : _SEQUENCE_AT + 8].cast("q")
-        self._contents = np.frombuffer(self._page, np.uint8, self._layout.size - _HEAD.size, _HEAD.size)
+        self._number = memoryview(self._page)[SEQUENCE_AT : SEQUENCE_AT + 8].cast("q")
+        self._contents = np.frombuffer(self._page, np.uint8, self._layout.size - HEAD.size, HEAD.size)
         self._row = struct.Struct(f"<{self._layout.n_axes}d")
         self._position_at, self._velocity_at = map(self._layout.real, (Real.ACTUAL_POS, Real.ACTUAL_VELOCITY))
 
@@ -126,7 +76,7 @@ class StatusReader:
             before = number[0]
             if not before & 1:
                 copy = self._contents.copy()
-                checksum = struct.unpack_from("<q", self._page, _CHECKSUM_AT)[0] if self._checked else 0
+                checksum = struct.unpack_from("<q", self._page, CHECKSUM_AT)[0] if self._checked else 0
                 if number[0] == before and (not self._checked or zlib.crc32(copy.data) == checksum):
                     return self._layout.snapshot(copy)
             if attempt >= _PATIENT_TRIES:
@@ -140,7 +90,7 @@ class StatusReader:
         number, page, row = self._number, self._page, self._row
         for _ in range(_PATIENT_TRIES):
             before = number[0]
-            state, epoch, cycles, stamp_ns = _FEEDBACK_META.unpack_from(page, _HEAD.size)
+            state, epoch, cycles, stamp_ns = _FEEDBACK_META.unpack_from(page, HEAD.size)
             position = row.unpack_from(page, self._position_at)
             velocity = row.unpack_from(page, self._velocity_at)
             outputs = page[self._layout.outputs :]
@@ -156,12 +106,12 @@ class StatusReader:
             return True
 
 
-class _Layout:
+class PageLayout:
     """Offsets in the page, in bytes from its start."""
 
     def __init__(self, n_axes: int, n_inputs: int, n_outputs: int, inode: int = 0) -> None:
         self.n_axes, self.n_inputs, self.n_outputs, self.inode = n_axes, n_inputs, n_outputs, inode
-        self.reals = _HEAD.size + _META.size
+        self.reals = HEAD.size + META.size
         self.flags = self.reals + 8 * N_REALS * n_axes
         self.inputs = self.flags + 8 * N_FLAGS * n_axes
         self.outputs = self.inputs + n_inputs
@@ -173,9 +123,9 @@ class _Layout:
 
     def snapshot(self, contents: NDArray[np.uint8]) -> StatusSnapshot:
         """The snapshot in a copy of the page's contents, which begin after the head."""
-        meta = _META.unpack_from(contents.data)
+        meta = META.unpack_from(contents.data)
         state, epoch, cycles, stamp_ns, cycle_ns, error, stop, level, lost, overruns = meta
-        skip, n_axes = _HEAD.size, self.n_axes
+        skip, n_axes = HEAD.size, self.n_axes
         reals: NDArray[np.float64] = np.ndarray((N_REALS, n_axes), np.float64, contents, self.reals - skip)
         flags: NDArray[np.int64] = np.ndarray((N_FLAGS, n_axes), np.int64, contents, self.flags - skip)
         return StatusSnapshot(
@@ -197,34 +147,20 @@ class _Layout:
         )
 
 
-def _create(path: Path, size: int) -> mmap.mmap:
-    """Creates a new page under a temporary name, then replaces the old one: readers never see half a page."""
-    temporary = path.with_name(f"{path.name}.{os.getpid()}")
-    descriptor = os.open(temporary, os.O_RDWR | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
-    try:
-        os.ftruncate(descriptor, size)
-        page = mmap.mmap(descriptor, size)
-    finally:
-        os.close(descriptor)
-    _HEAD.pack_into(page, 0, 0, _LAYOUT, 0, 0, 0, 0, 0, 1)
-    os.rename(temporary, path)
-    return page
-
-
-def _open(path: Path) -> tuple[mmap.mmap, _Layout, bool]:
+def _open(path: Path) -> tuple[mmap.mmap, PageLayout, bool]:
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except OSError as error:
         raise StatusUnreadable(f"{path}: cannot be opened: {error.strerror or error}") from error
     try:
         found = os.fstat(descriptor)
-        if found.st_size < _HEAD.size + _META.size:
+        if found.st_size < HEAD.size + META.size:
             raise StatusUnreadable(f"{path}: has {found.st_size} bytes, too few for a status page")
         page = mmap.mmap(descriptor, found.st_size, prot=mmap.PROT_READ)
     finally:
         os.close(descriptor)
-    magic, layout_number, n_axes, n_inputs, n_outputs, checked, _, _ = _HEAD.unpack_from(page)
-    layout = _Layout(n_axes, n_inputs, n_outputs, found.st_ino)
-    if (magic, layout_number) != (_MAGIC, _LAYOUT) or layout.size != found.st_size:
-        raise StatusUnreadable(f"{path}: is no status page of layout {_LAYOUT}")
+    magic, layout_number, n_axes, n_inputs, n_outputs, checked, _, _ = HEAD.unpack_from(page)
+    layout = PageLayout(n_axes, n_inputs, n_outputs, found.st_ino)
+    if (magic, layout_number) != (MAGIC, LAYOUT) or layout.size != found.st_size:
+        raise StatusUnreadable(f"{path}: is no status page of layout {LAYOUT}")
     return page, layout, bool(checked)

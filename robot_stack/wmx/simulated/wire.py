@@ -29,6 +29,11 @@ def _plan(kind: type) -> tuple[tuple[str, Any], ...]:
     return tuple((item.name, hints[item.name]) for item in fields(kind))
 
 
+def request_name(owner: str, name: str) -> str:
+    """A call of the surface on the wire: one axis is a selection of one."""
+    return f"{owner}.{name.removesuffix('_AxisSel')}"
+
+
 def selected(selection: AxisSelection) -> list[int]:
     """The axes of a selection."""
     return [selection.GetAxis(index) for index in range(selection.axisCount)]

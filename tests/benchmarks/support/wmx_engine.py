@@ -16,8 +16,8 @@ import numpy as np
 
 from robot_stack.core.runtime import runtime_dir
 from robot_stack.wmx.config import load_engine_config
-from robot_stack.wmx.simulated import __main__ as process
-from robot_stack.wmx.simulated.server import EngineServer
+from robot_stack.wmx.engine_server import __main__ as process
+from robot_stack.wmx.engine_server.server import EngineServer
 
 _LONGEST_S = 300.0
 

@@ -17,9 +17,9 @@ from typing import Any
 
 from robot_stack.core.runtime import runtime_dir
 from robot_stack.wmx.config import load_engine_config
-from robot_stack.wmx.simulated.engine import Engine
-from robot_stack.wmx.simulated.server import EngineServer
-from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.server import EngineServer
+from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 
 
 class Control:

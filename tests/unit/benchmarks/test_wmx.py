@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from robot_stack.core.pacing import SpinLimits
-from robot_stack.wmx.simulated.engine import Engine
-from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 from tests.benchmarks import wmx
 from tests.benchmarks.support import wmx_engine
 from tests.unit.wmx.harness import engine_config, runtime_folder

@@ -11,8 +11,8 @@ import pytest
 from robot_stack.core.config import load
 from robot_stack.wmx.api import EngineState
 from robot_stack.wmx.config import EngineConfig
-from robot_stack.wmx.simulated.engine import Engine
-from robot_stack.wmx.simulated.server import EngineServer
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.server import EngineServer
 from sim.plant.engine_loop import EngineLoop, EveryCycles
 from sim.plant.fault_table import FaultRefused
 from sim.plant.virtual_plant import VirtualPlant

@@ -23,10 +23,11 @@ from robot_stack.wmx import MotionEngine, connect
 from robot_stack.wmx.api import AxisSelection, EngineState, ErrorCode
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import ClientConfig, EngineConfig
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.server import EngineServer
+from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 from robot_stack.wmx.simulated.channel import StatusView
-from robot_stack.wmx.simulated.engine import Engine
-from robot_stack.wmx.simulated.server import SOCKET_FILE, EngineServer
-from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+from robot_stack.wmx.simulated.protocol import SOCKET_FILE
 from tests.support.waiting import wait_for
 
 # Axes of the test engine: position and velocity mode, plain and mirrored, and one with an uneven gear.
@@ -188,7 +189,7 @@ class ProcessHarness(Harness):
         self._not_before_ns = time.time_ns() if stale_socket else 0
         configuration = folder / "engine.yaml"
         configuration.write_text(yaml.safe_dump(engine_data()), encoding="utf-8")
-        command = [sys.executable, "-m", "robot_stack.wmx.simulated", "--speed", str(_SPEED)]
+        command = [sys.executable, "-m", "robot_stack.wmx.engine_server", "--speed", str(_SPEED)]
         command += ["--config", str(configuration), "--runtime-dir", str(folder)]
         self.process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
         wait_for(self._listens, "the engine process to listen", 60.0)

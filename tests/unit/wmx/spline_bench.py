@@ -11,8 +11,8 @@ from scipy.interpolate import CubicSpline
 
 from robot_stack.wmx.api import DetailOperationState, ErrorCode, OperationState
 from robot_stack.wmx.axes import Flag, Real
-from robot_stack.wmx.simulated.engine import Engine
-from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 from tests.unit.wmx.harness import axis_kind, engine_config
 
 Array = NDArray[np.float64]

@@ -20,8 +20,8 @@ from robot_stack.wmx.config import (
     load_engine_config,
     read_engine_config,
 )
-from robot_stack.wmx.simulated.engine import Engine
-from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 from tests.unit.wmx.harness import axis_kind, client_config, engine_data, runtime_folder
 
 

@@ -28,10 +28,10 @@ from robot_stack.wmx.api import (
 )
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback
-from robot_stack.wmx.simulated import kernel, profile
-from robot_stack.wmx.simulated.engine import Engine
-from robot_stack.wmx.simulated.requests import METHODS, Session, execute
-from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+from robot_stack.wmx.engine_server import kernel, profile
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.requests import METHODS, Session, execute
+from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 from tests.unit.wmx.harness import (
     ESTOP_DEC,
     N_AXES,

@@ -25,8 +25,9 @@ from robot_stack.wmx.api import (
 )
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.config import EngineConfig
-from robot_stack.wmx.simulated import __main__ as process
-from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.engine_server import __main__ as process
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 from robot_stack.wmx.simulated.parameter_file import (
     LARGEST_FILE,
     ParameterFileError,
@@ -38,7 +39,6 @@ from robot_stack.wmx.simulated.parameter_file import (
     write_file,
 )
 from robot_stack.wmx.simulated.parameter_layout import AXIS_ENTRIES, GLOBAL_ENTRIES
-from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
 from tests.unit.wmx.harness import N_AXES, POS, POS_MIRRORED, VEL, engine_config
 
 INVALID = CoreMotionErrorCode.ParameterSettingsInvalid
@@ -336,7 +336,7 @@ def arm() -> Engine:
 
 
 class TestArmsFile:
-    """config/wmx/cr3a_wmx_parameters.xml, which ``python -m robot_stack.wmx.simulated --export-parameters`` wrote."""
+    """config/wmx/cr3a_wmx_parameters.xml, written by ``robot_stack.wmx.engine_server --export-parameters``."""
 
     PATH = config_dir() / "wmx" / "cr3a_wmx_parameters.xml"
 

@@ -14,7 +14,7 @@ import pytest
 from robot_stack.wmx import EngineError, MotionEngine, connect
 from robot_stack.wmx.api import EngineState, ErrorCode, OperationState
 from robot_stack.wmx.config import ClientConfig
-from robot_stack.wmx.simulated.server import SOCKET_FILE
+from robot_stack.wmx.simulated.protocol import SOCKET_FILE
 from tests.support.waiting import wait_for
 from tests.unit.wmx.conformance import EngineConformance, cruising, in_state, vel
 from tests.unit.wmx.harness import (
@@ -141,7 +141,7 @@ def test_sigterm_stops_the_axes_before_the_engine_ends() -> None:
 
 
 def test_second_engine_in_the_same_folder_is_refused(engine_process: ProcessHarness) -> None:
-    command = [sys.executable, "-m", "robot_stack.wmx.simulated", "--runtime-dir", str(engine_process.folder)]
+    command = [sys.executable, "-m", "robot_stack.wmx.engine_server", "--runtime-dir", str(engine_process.folder)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
     assert done.returncode == 1
     assert "another motion engine runs in this folder" in done.stderr
@@ -160,7 +160,7 @@ def test_second_engine_in_the_same_folder_is_refused(engine_process: ProcessHarn
 def test_bad_configuration_stops_the_start_with_one_line(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "engine.yaml"
     path.write_text(text, encoding="utf-8")
-    command = [sys.executable, "-m", "robot_stack.wmx.simulated", "--config", str(path)]
+    command = [sys.executable, "-m", "robot_stack.wmx.engine_server", "--config", str(path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
     assert done.returncode == 1
     assert message in done.stderr

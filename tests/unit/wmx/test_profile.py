@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from robot_stack.wmx.simulated.profile import (
+from robot_stack.wmx.engine_server.profile import (
     MAX_SEGMENTS,
     OVERTRAVEL_CHANGE_DECELERATION,
     OVERTRAVEL_CHANGE_INITIAL_VELOCITY,

@@ -19,12 +19,12 @@ from hypothesis import strategies as st
 from robot_stack.core.runtime import AlreadyRunning
 from robot_stack.wmx.api import EngineState, ErrorCode, OperationState
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.requests import METHODS
+from robot_stack.wmx.engine_server.server import EngineServer
+from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 from robot_stack.wmx.simulated.channel import StatusView
-from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.protocol import LARGEST_FRAME, Decoder, FrameError, encode
-from robot_stack.wmx.simulated.requests import METHODS
-from robot_stack.wmx.simulated.server import EngineServer
-from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
 from tests.support.waiting import wait_for
 from tests.unit.wmx.conformance import cruising, vel
 from tests.unit.wmx.harness import (
@@ -308,7 +308,7 @@ class TestTurns:
             assert manual.view.read()[1].engine_state is EngineState.Running
 
     def test_an_answer_too_long_is_an_error_and_no_end(self, manual: Manual, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("robot_stack.wmx.simulated.server.execute", lambda *_: (0, ["x" * LARGEST_FRAME]))
+        monkeypatch.setattr("robot_stack.wmx.engine_server.server.execute", lambda *_: (0, ["x" * LARGEST_FRAME]))
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as client:
             client.connect(str(manual.server._path))
             client.settimeout(20.0)

@@ -23,9 +23,9 @@ from robot_stack.wmx.api import (
     Profile,
 )
 from robot_stack.wmx.axes import Flag, Real
-from robot_stack.wmx.simulated import spline_kernel
+from robot_stack.wmx.engine_server import spline_kernel
+from robot_stack.wmx.engine_server.requests import Session, execute
 from robot_stack.wmx.simulated.protocol import pack, unpack
-from robot_stack.wmx.simulated.requests import Session, execute
 from tests.unit.wmx.harness import POS, POS_GEARED, VEL
 from tests.unit.wmx.spline_bench import (
     AXES,

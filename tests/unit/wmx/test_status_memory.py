@@ -14,15 +14,15 @@ import pytest
 
 from robot_stack.wmx.api import EngineState
 from robot_stack.wmx.axes import axis_feedback, empty_snapshot
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.status_writer import StatusWriter
+from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 from robot_stack.wmx.simulated.channel import StatusView
-from robot_stack.wmx.simulated.engine import Engine
 from robot_stack.wmx.simulated.status_memory import (
     STATUS_FILE,
     StatusReader,
     StatusUnreadable,
-    StatusWriter,
 )
-from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
 from tests.support.waiting import wait_for
 from tests.unit.wmx.harness import N_AXES, axis_kind, engine_config, runtime_folder
 

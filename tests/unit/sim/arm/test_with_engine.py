@@ -9,7 +9,7 @@ from robot_stack.core.config import load
 from robot_stack.wmx.api import EngineState, Motion_PosCommand
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import EngineConfig
-from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.engine_server.engine import Engine
 from robot_stack.wmx.simulated.library import library_of
 from sim.arm.world import ArmWorld
 from sim.plant.drive_loops import ALARM_BUS

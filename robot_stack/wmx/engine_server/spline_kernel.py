@@ -35,8 +35,8 @@ from numpy.typing import NDArray
 
 from robot_stack.core.compiled import compiled
 from robot_stack.wmx.api.enums import OperationState
-from robot_stack.wmx.simulated import rows
-from robot_stack.wmx.simulated.kernel import (
+from robot_stack.wmx.engine_server import rows
+from robot_stack.wmx.engine_server.kernel import (
     CMD_ACC,
     DETAIL,
     DETAIL_IDLE,

@@ -21,13 +21,13 @@ from robot_stack.wmx.api.status import DeviceInfo, DevicesInfo
 from robot_stack.wmx.api.surface import BLOCKS, SURFACE, Call
 from robot_stack.wmx.api.values import MAX_AXES
 from robot_stack.wmx.axes import Flag, Real
-from robot_stack.wmx.simulated import checks
-from robot_stack.wmx.simulated.devices import Device
-from robot_stack.wmx.simulated.engine import Engine
-from robot_stack.wmx.simulated.parameter_blocks import block_name
+from robot_stack.wmx.engine_server import checks
+from robot_stack.wmx.engine_server.devices import Device
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.parameter_blocks import block_name
 from robot_stack.wmx.simulated.parameter_layout import AXIS_ENTRIES, GLOBAL_ENTRIES
 from robot_stack.wmx.simulated.protocol import unpack
-from robot_stack.wmx.simulated.wire import BadArgument, an_int, decode, encode, items, number
+from robot_stack.wmx.simulated.wire import BadArgument, an_int, decode, encode, items, number, request_name
 
 Answer = tuple[int, list[Any]]
 
@@ -47,11 +47,6 @@ class _Asked:
     engine: Engine
     session: Session
     device: Device
-
-
-def request_name(owner: str, name: str) -> str:
-    """A call of the surface on the wire: one axis is a selection of one."""
-    return f"{owner}.{name.removesuffix('_AxisSel')}"
 
 
 def execute(engine: Engine, session: Session, method: Any, arguments: Sequence[Any]) -> Answer:

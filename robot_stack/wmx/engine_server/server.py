@@ -21,12 +21,11 @@ from typing import IO, Any, Final
 from robot_stack.core.pacing import Pacer, Sleeper, sharpen_sleep
 from robot_stack.core.runtime import AlreadyRunning
 from robot_stack.wmx.api.errors import ErrorCode
-from robot_stack.wmx.simulated.engine import Engine
-from robot_stack.wmx.simulated.protocol import Decoder, FrameError, encode
-from robot_stack.wmx.simulated.requests import Answer, Session, execute
-from robot_stack.wmx.simulated.status_memory import StatusWriter
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.requests import Answer, Session, execute
+from robot_stack.wmx.engine_server.status_writer import StatusWriter
+from robot_stack.wmx.simulated.protocol import SOCKET_FILE, Decoder, FrameError, encode
 
-SOCKET_FILE: Final = "engine.sock"
 LOCK_FILE: Final = "engine.lock"
 
 _RECEIVE_BYTES: Final = 16384

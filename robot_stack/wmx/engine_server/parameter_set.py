@@ -10,13 +10,13 @@ from robot_stack.wmx.api.enums import AxisCommandMode, OperationState
 from robot_stack.wmx.api.errors import CoreMotionErrorCode, ErrorCode
 from robot_stack.wmx.api.parameters import Config_EmergencyStopParam
 from robot_stack.wmx.axes import Flag, Real
+from robot_stack.wmx.engine_server import rows
+from robot_stack.wmx.engine_server.checks import LARGEST, target
+from robot_stack.wmx.engine_server.parameter_blocks import BLOCKS, AxisBlock
+from robot_stack.wmx.engine_server.parameter_checks import gear_in_range, valid_block
+from robot_stack.wmx.engine_server.parameters import Parameters
+from robot_stack.wmx.engine_server.state import EngineArrays
 from robot_stack.wmx.simulated import parameter_layout as layout
-from robot_stack.wmx.simulated import rows
-from robot_stack.wmx.simulated.checks import LARGEST, target
-from robot_stack.wmx.simulated.parameter_blocks import BLOCKS, AxisBlock
-from robot_stack.wmx.simulated.parameter_checks import gear_in_range, valid_block
-from robot_stack.wmx.simulated.parameters import Parameters
-from robot_stack.wmx.simulated.state import EngineArrays
 
 Entries = dict[str, layout.Number]
 

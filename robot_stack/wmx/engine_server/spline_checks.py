@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from robot_stack.wmx.api.errors import AdvancedMotionErrorCode, CoreMotionErrorCode, ErrorCode
 from robot_stack.wmx.api.values import MAX_SPLINE_DIMENSIONS
-from robot_stack.wmx.simulated.checks import LARGEST, LARGEST_COUNT, axes_in_range
+from robot_stack.wmx.engine_server.checks import LARGEST, LARGEST_COUNT, axes_in_range
 
 CLOSEST_MS: Final = 1e-3
 """Least time between two points."""

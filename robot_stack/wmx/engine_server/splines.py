@@ -21,9 +21,9 @@ from robot_stack.wmx.api.enums import DetailOperationState, OperationState
 from robot_stack.wmx.api.errors import AdvancedMotionErrorCode, CoreMotionErrorCode, ErrorCode
 from robot_stack.wmx.api.values import MAX_SPLINE_CHANNELS
 from robot_stack.wmx.axes import Flag, Real
-from robot_stack.wmx.simulated import rows
-from robot_stack.wmx.simulated.spline_checks import exact_counts, point_times, spline_axes
-from robot_stack.wmx.simulated.spline_kernel import (
+from robot_stack.wmx.engine_server import rows
+from robot_stack.wmx.engine_server.spline_checks import exact_counts, point_times, spline_axes
+from robot_stack.wmx.engine_server.spline_kernel import (
     FALL,
     N_CLOCK,
     N_COUNT,
@@ -35,7 +35,7 @@ from robot_stack.wmx.simulated.spline_kernel import (
     plan_spline,
     step_spline,
 )
-from robot_stack.wmx.simulated.state import EngineArrays
+from robot_stack.wmx.engine_server.state import EngineArrays
 
 LARGEST_BUFFER: Final = 100_000
 """Points of one channel."""

@@ -8,9 +8,9 @@ import numpy as np
 
 from robot_stack.wmx.api.enums import EngineState, EStopLevel
 from robot_stack.wmx.axes import N_FLAGS, N_REALS, Flag
-from robot_stack.wmx.simulated.kernel import Ints, Reals
-from robot_stack.wmx.simulated.profile import MAX_SEGMENTS
-from robot_stack.wmx.simulated.rows import N_PARAMS, N_WORK
+from robot_stack.wmx.engine_server.kernel import Ints, Reals
+from robot_stack.wmx.engine_server.profile import MAX_SEGMENTS
+from robot_stack.wmx.engine_server.rows import N_PARAMS, N_WORK
 
 
 @dataclass(slots=True)

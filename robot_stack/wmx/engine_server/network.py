@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from robot_stack.wmx.api.errors import EcErrorCode, ErrorCode
-from robot_stack.wmx.simulated.state import Condition
+from robot_stack.wmx.engine_server.state import Condition
 
 
 class Network:

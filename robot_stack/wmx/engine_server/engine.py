@@ -24,14 +24,14 @@ from robot_stack.wmx.api.errors import CoreMotionErrorCode, ErrorCode
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback, ServoBus
 from robot_stack.wmx.config import EngineConfig
-from robot_stack.wmx.simulated import checks, homing, rows
-from robot_stack.wmx.simulated.devices import REPORT_S, TURNS, Device, DeviceTable
-from robot_stack.wmx.simulated.kernel import absorb, advance, cancel
-from robot_stack.wmx.simulated.motion import MotionControl
-from robot_stack.wmx.simulated.network import Network
-from robot_stack.wmx.simulated.parameter_set import ParameterSet, rescale
-from robot_stack.wmx.simulated.parameters import Parameters
-from robot_stack.wmx.simulated.state import Condition, EngineArrays
+from robot_stack.wmx.engine_server import checks, homing, rows
+from robot_stack.wmx.engine_server.devices import REPORT_S, TURNS, Device, DeviceTable
+from robot_stack.wmx.engine_server.kernel import absorb, advance, cancel
+from robot_stack.wmx.engine_server.motion import MotionControl
+from robot_stack.wmx.engine_server.network import Network
+from robot_stack.wmx.engine_server.parameter_set import ParameterSet, rescale
+from robot_stack.wmx.engine_server.parameters import Parameters
+from robot_stack.wmx.engine_server.state import Condition, EngineArrays
 
 _NO_ERROR = int(ErrorCode.PyNone)
 _OFFLINE = int(ErrorCode.ServoOffline)

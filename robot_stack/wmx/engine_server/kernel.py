@@ -5,9 +5,9 @@ lies the bus. The state is a struct of arrays:
 
     reals   (N_REALS, n) float64   status, user units         rows: robot_stack.wmx.axes.Real
     flags   (N_FLAGS, n) int64     status                     rows: robot_stack.wmx.axes.Flag
-    params  (N_PARAMS, n) float64  parameters, user units     rows: robot_stack.wmx.simulated.rows
-    work    (N_WORK, n) int64      private counters           rows: robot_stack.wmx.simulated.rows
-    plan    (n, MAX_SEGMENTS, 4)   present motion             robot_stack.wmx.simulated.profile
+    params  (N_PARAMS, n) float64  parameters, user units     rows: robot_stack.wmx.engine_server.rows
+    work    (N_WORK, n) int64      private counters           rows: robot_stack.wmx.engine_server.rows
+    plan    (n, MAX_SEGMENTS, 4)   present motion             robot_stack.wmx.engine_server.profile
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from robot_stack.core.compiled import compiled
 from robot_stack.wmx.api.enums import AxisCommandMode, Config_LimitSwitchType, DetailOperationState, OperationState
 from robot_stack.wmx.api.errors import ErrorCode
 from robot_stack.wmx.axes import Flag, Real
-from robot_stack.wmx.simulated import rows
-from robot_stack.wmx.simulated.profile import evaluate, plan_stop, remaining
+from robot_stack.wmx.engine_server import rows
+from robot_stack.wmx.engine_server.profile import evaluate, plan_stop, remaining
 
 Reals = NDArray[np.float64]
 Ints = NDArray[np.int64]

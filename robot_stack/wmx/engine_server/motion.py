@@ -17,11 +17,11 @@ from robot_stack.wmx.api.values import (
     Velocity_VelCommand,
 )
 from robot_stack.wmx.axes import Flag, Real
-from robot_stack.wmx.simulated import checks, rows
-from robot_stack.wmx.simulated.kernel import begin_stop, estop_axes, stop_rate
-from robot_stack.wmx.simulated.profile import plan_position, plan_velocity
-from robot_stack.wmx.simulated.splines import Splines
-from robot_stack.wmx.simulated.state import Condition, EngineArrays
+from robot_stack.wmx.engine_server import checks, rows
+from robot_stack.wmx.engine_server.kernel import begin_stop, estop_axes, stop_rate
+from robot_stack.wmx.engine_server.profile import plan_position, plan_velocity
+from robot_stack.wmx.engine_server.splines import Splines
+from robot_stack.wmx.engine_server.state import Condition, EngineArrays
 
 _NO_ERROR = int(ErrorCode.PyNone)
 _POSITION_STATES = (OperationState.Idle, OperationState.Pos)

@@ -22,10 +22,10 @@ from robot_stack.wmx.api.parameters import (
 )
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.config import EngineConfig
-from robot_stack.wmx.simulated import rows
-from robot_stack.wmx.simulated.parameter_blocks import AxisBlock, blocks_of, emergency_stop_of
-from robot_stack.wmx.simulated.parameter_checks import gear_in_range, valid_block, valid_emergency_stop
-from robot_stack.wmx.simulated.state import EngineArrays
+from robot_stack.wmx.engine_server import rows
+from robot_stack.wmx.engine_server.parameter_blocks import AxisBlock, blocks_of, emergency_stop_of
+from robot_stack.wmx.engine_server.parameter_checks import gear_in_range, valid_block, valid_emergency_stop
+from robot_stack.wmx.engine_server.state import EngineArrays
 
 
 class Parameters:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from robot_stack.wmx.config import load_engine_config
-from robot_stack.wmx.simulated.engine import Engine
-from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 
 
 def warm_up() -> None:

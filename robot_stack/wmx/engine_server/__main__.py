@@ -1,4 +1,4 @@
-"""The simulated engine as a process of its own, on drives without physics: ``python -m robot_stack.wmx.simulated``."""
+"""The simulated engine as a process: ``python -m robot_stack.wmx.engine_server``, on drives without physics."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from pathlib import Path
 from robot_stack.core.config import ConfigError
 from robot_stack.core.runtime import AlreadyRunning, runtime_dir
 from robot_stack.wmx.config import EngineConfig, load_engine_config, read_engine_config
-from robot_stack.wmx.simulated.engine import Engine
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.server import EngineServer
+from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 from robot_stack.wmx.simulated.parameter_file import ParameterValues, write_file
-from robot_stack.wmx.simulated.server import EngineServer
-from robot_stack.wmx.simulated.virtual_drives import VirtualDrives
 
 
 def run_engine(config: EngineConfig, folder: Path, speed: float = 1.0) -> None:

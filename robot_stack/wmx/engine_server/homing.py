@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from robot_stack.wmx.api.enums import Config_HomeType, OperationState
 from robot_stack.wmx.api.errors import CoreMotionErrorCode, ErrorCode
 from robot_stack.wmx.axes import Flag, Real
-from robot_stack.wmx.simulated.parameters import Parameters
-from robot_stack.wmx.simulated.state import EngineArrays
+from robot_stack.wmx.engine_server.parameters import Parameters
+from robot_stack.wmx.engine_server.state import EngineArrays
 
 _NO_ERROR = int(ErrorCode.PyNone)
 
