@@ -197,7 +197,7 @@ def _follow(observer: Any, display: Display) -> None:
         display.show(observer)
         if observer.waiting_for:
             waited_s = time.monotonic()
-        if observer.now_s() - observer.heard_s > _SILENCE_S and time.monotonic() - waited_s > _SILENCE_S:
+        if observer.now_s() - observer.received_s > _SILENCE_S and time.monotonic() - waited_s > _SILENCE_S:
             raise DemoError(f"no message from the simulated world for {_SILENCE_S:.0f} s: see sim_world.log below")
         if observer.ride.samples[-1].speed_mps > MOVING_MPS or observer.docking_now():
             progress_s = observer.world_s

@@ -59,10 +59,10 @@ class Overhead:
             self._chair_edges.look(points)
             filter_params = self._params.mixed_pixels
             things = self._chair_edges.without_sparse(things, filter_params, filter_params.overhead_points_min)
-        told = voxels(things, self._params.obstacles.voxel_m)
-        near = np.hypot(told[:, 0], told[:, 1]) <= self._params.overhead.range_m
-        self._obstacles, self._stamp_s = told[near], stamp_s
-        look = self._views.view(stamp_s, seen.sensor_m, seen.tilt, told, seen.points, seen.profile)
+        centroids = voxels(things, self._params.obstacles.voxel_m)
+        near = np.hypot(centroids[:, 0], centroids[:, 1]) <= self._params.overhead.range_m
+        self._obstacles, self._stamp_s = centroids[near], stamp_s
+        look = self._views.view(stamp_s, seen.sensor_m, seen.tilt, centroids, seen.points, seen.profile)
         if chair:
             look = self._chair_edges.without(look)
         return replace(look, specks=found, looked_s=self._view.looked_s(points))

@@ -55,7 +55,7 @@ class ChairWatch:
         self._reading = reading
         self._settle()
 
-    def said(self, attached: bool) -> None:
+    def on_passenger(self, attached: bool) -> None:
         """A message of ``/passenger_attached``."""
         self._said = attached
         self._settle()

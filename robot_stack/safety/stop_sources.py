@@ -58,7 +58,7 @@ class Press:
 
 
 @dataclass(frozen=True, slots=True)
-class _Heard:
+class _Report:
     report: SourceReport
     at_s: float
 
@@ -105,7 +105,7 @@ class StopSources:
         self._explain_s, self._discovery_s, self._stale_s = explain_s, discovery_s, stale_s
         self._begun_s: float | None = None
         self._presses = {press.instance: press for press in presses}
-        self._heard: dict[Instance, _Heard] = {}
+        self._reports: dict[Instance, _Report] = {}
         self._newest_s: dict[str, float] = {}  # of any process of that name
         self._unexplained = Arrivals()  # trues without a report
         self._adoptable = Arrivals()  # trues that became unknown, and that a new process may still explain
@@ -128,9 +128,9 @@ class StopSources:
     def report(self, report: SourceReport, now_s: float) -> None:
         """A message of ``/emergency_stop/sources``."""
         self._age(now_s)
-        heard = self._heard.get(report.instance)
-        if heard is not None:
-            self._explain(max(0, report.presses - heard.report.presses), now_s)
+        last = self._reports.get(report.instance)
+        if last is not None:
+            self._explain(max(0, report.presses - last.report.presses), now_s)
         else:
             self._meet(report, report.name in self._newest_s, now_s)
         self._remember(report, now_s)
@@ -188,10 +188,10 @@ class StopSources:
         self._announced.add(now_s, presses - self._unexplained.take(presses))
 
     def _remember(self, report: SourceReport, now_s: float) -> None:
-        self._heard[report.instance] = _Heard(report, now_s)
+        self._reports[report.instance] = _Report(report, now_s)
         self._newest_s[report.name] = now_s
-        if len(self._heard) > MOST_SOURCES:
-            del self._heard[min(self._heard, key=lambda instance: self._heard[instance].at_s)]
+        if len(self._reports) > MOST_SOURCES:
+            del self._reports[min(self._reports, key=lambda instance: self._reports[instance].at_s)]
         if len(self._newest_s) > MOST_SOURCES:
             del self._newest_s[min(self._newest_s, key=lambda name: self._newest_s[name])]
 
@@ -219,8 +219,8 @@ class StopSources:
         return Presence.THERE if self._is_there(press, now_s) else Presence.GONE
 
     def _is_there(self, press: Press, now_s: float) -> bool:
-        heard = self._heard.get(press.instance)
-        return heard is not None and age_s(now_s, heard.at_s) <= self._stale_s
+        last = self._reports.get(press.instance)
+        return last is not None and age_s(now_s, last.at_s) <= self._stale_s
 
     def _press_unknown(self) -> None:
         self._presses.setdefault(_NOBODY.instance, _NOBODY)

@@ -26,7 +26,7 @@ class MissionObserver:
     """
 
     def __init__(self) -> None:
-        self.heard_s = math.nan  # time of the world's last message, by ``now_s``
+        self.received_s = math.nan  # time of the world's last message, by ``now_s``
         self._begun_s = time.monotonic()
         self._operator = Operator()
         self._commands = self._operator.advertise(topics.UI_COMMAND)
@@ -122,4 +122,4 @@ class MissionObserver:
             raise TimeoutError(f"the mission manager does not answer {command_type}")
 
     def _on_truth(self, _: Odometry) -> None:
-        self.heard_s = self.now_s()
+        self.received_s = self.now_s()

@@ -20,12 +20,12 @@ def watch_docking(show: Callable[[str, str], None], timeout_s: float, follow: bo
         operator.subscribe(topics.DOCKING_STATUS, received.append)
         if not operator.wait(lambda: received, timeout_s):
             raise TimeoutError("no /docking/status: is the stack running?")
-        heard_s = time.monotonic()
+        received_s = time.monotonic()
         while True:
             if received:
                 message = received[-1]
                 received.clear()
-                heard_s = time.monotonic()
+                received_s = time.monotonic()
                 show(
                     message.state,
                     describe(
@@ -37,7 +37,7 @@ def watch_docking(show: Callable[[str, str], None], timeout_s: float, follow: bo
                     ),
                 )
             else:
-                show(_SILENT, silent(time.monotonic() - heard_s))
+                show(_SILENT, silent(time.monotonic() - received_s))
             if not follow:
                 return
             operator.wait(lambda: received, topics.DOCKING_STATUS.stale_s)

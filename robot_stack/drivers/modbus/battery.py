@@ -128,7 +128,7 @@ class ModbusBattery:
         """For /diagnostics."""
         known = self.reading(now_s) is not None
         return {
-            "alarms": (", ".join(self._complaints) or "none") if known else "not heard",
+            "alarms": (", ".join(self._complaints) or "none") if known else "not received",
             "registers it lacks": ", ".join(map(str, self._missing)) or "none",
             **self.counters.values(),
         }

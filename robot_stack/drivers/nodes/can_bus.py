@@ -39,19 +39,19 @@ class CanBus:
             self._read(bus, thread)
 
     def _read(self, bus: can.BusABC, thread: DeviceThread) -> None:
-        heard_s = told_s = time.monotonic()
+        received_s = sent_s = time.monotonic()
         while thread.running:
             message = self._next(bus)
             now_s = time.monotonic()
             if message is not None and not (
                 message.is_extended_id or message.is_remote_frame or message.is_error_frame
             ):
-                heard_s = now_s
+                received_s = now_s
                 self._on_frame(message.arbitration_id, bytes(message.data))
-            if self._params.keep_alive_s is not None and now_s - told_s >= self._params.keep_alive_s:
-                told_s = now_s
+            if self._params.keep_alive_s is not None and now_s - sent_s >= self._params.keep_alive_s:
+                sent_s = now_s
                 bus.send(self._keep_alive, timeout=_POLL_S)
-            if now_s - heard_s >= self._params.silent_s:
+            if now_s - received_s >= self._params.silent_s:
                 raise DeviceLost("is open, but no data arrives")
 
     def _next(self, bus: can.BusABC) -> can.Message | None:

@@ -43,11 +43,11 @@ class SerialLine:
             self._read(line, thread)
 
     def _read(self, line: serial.Serial, thread: DeviceThread) -> None:
-        heard_s = time.monotonic()
+        received_s = time.monotonic()
         while thread.running:
             data = line.read(_CHUNK) if thread.wait(self._params.silent_s, line) else b""
             if data:
-                heard_s = time.monotonic()
+                received_s = time.monotonic()
                 self._on_bytes(data)
-            elif time.monotonic() - heard_s >= self._params.silent_s:
+            elif time.monotonic() - received_s >= self._params.silent_s:
                 raise DeviceLost("is open, but no data arrives")

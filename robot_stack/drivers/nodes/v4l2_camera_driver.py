@@ -88,8 +88,8 @@ class _Camera:
 
     def values(self) -> dict[str, str]:
         """For /diagnostics."""
-        told = {"device": self._thread.state, "exposure": self._device.exposure, **self._chooser.counters.values()}
-        return {f"{self._name} {key}": value for key, value in told.items()}
+        values = {"device": self._thread.state, "exposure": self._device.exposure, **self._chooser.counters.values()}
+        return {f"{self._name} {key}": value for key, value in values.items()}
 
     def close(self) -> None:
         self._thread.close()

@@ -96,13 +96,15 @@ class Pack:
         protection, requests = self._fresh(Protection, now_s), self._fresh(Requests, now_s)
         limits, made = self._fresh(Limits, now_s), self._newest.get(Manufacturer)
         return {
-            "manufacturer": made[1].name if made and isinstance(made[1], Manufacturer) else "not heard",
-            "protections": _listed(protection.protections) if protection is not None else "not heard",
-            "alarms": _listed(protection.alarms) if protection is not None else "not heard",
-            "asks to be charged": "not heard" if requests is None else "yes" if requests.must_charge else "no",
-            "may be charged": "not heard" if limits is None else _allowed(limits.charge_current_a, requests, "charge"),
+            "manufacturer": made[1].name if made and isinstance(made[1], Manufacturer) else "not received",
+            "protections": _listed(protection.protections) if protection is not None else "not received",
+            "alarms": _listed(protection.alarms) if protection is not None else "not received",
+            "asks to be charged": "not received" if requests is None else "yes" if requests.must_charge else "no",
+            "may be charged": "not received"
+            if limits is None
+            else _allowed(limits.charge_current_a, requests, "charge"),
             "may be discharged": (
-                "not heard" if limits is None else _allowed(limits.discharge_current_a, requests, "discharge")
+                "not received" if limits is None else _allowed(limits.discharge_current_a, requests, "discharge")
             ),
             **self.counters.values(),
         }

@@ -26,7 +26,7 @@ class DockingClient:
         rows = {Kind.DOCK: actions.DOCK, Kind.UNDOCK: actions.UNDOCK}
         self._clients = {kind: GoalClient(node, row, _Events(kind, self)) for kind, row in rows.items()}
         self.report = report
-        self._heard = True
+        self._fresh = True
         self.doubted = False
 
     def served(self) -> bool:
@@ -55,12 +55,12 @@ class DockingClient:
         A server that publishes again after a silence, or reports idle during a goal, may be a new process. Then it
         does not have the goal, and reports so when its result is requested.
         """
-        heard = bool(state)
-        self.doubted |= (heard and not self._heard) or state == DockingState.IDLE
-        self._heard = heard
+        fresh = bool(state)
+        self.doubted |= (fresh and not self._fresh) or state == DockingState.IDLE
+        self._fresh = fresh
         for client in self._clients.values():
             client.poll()
-            if heard and self.doubted:
+            if fresh and self.doubted:
                 client.ask()
 
 

@@ -37,7 +37,7 @@ class _Goal:
         self.call = call
         self.handle: ClientGoal
         self.accepted = self.cancelled = self.ended = False
-        self.sent_s = self.heard_s = sent_s
+        self.sent_s = self.last_s = sent_s
         self.asked_s = -math.inf
 
     def on_its_way(self, now_s: float) -> bool:
@@ -100,7 +100,7 @@ class GoalClient:
             return
         if not self.served() or (not goal.accepted and not goal.on_its_way(now_s)):
             self._end(goal, GoalStatus.UNKNOWN, None)
-        elif now_s - goal.heard_s >= silence_s:
+        elif now_s - goal.last_s >= silence_s:
             self.ask()
 
     def _on_answer(self, goal: _Goal, accepted: bool) -> None:
@@ -111,7 +111,7 @@ class GoalClient:
             self._events.rejected(goal.call)
 
     def _on_accepted(self, goal: _Goal) -> None:
-        goal.heard_s = self._node.steady_s()
+        goal.last_s = self._node.steady_s()
         if goal.accepted:
             return
         goal.accepted = True

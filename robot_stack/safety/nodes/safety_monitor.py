@@ -71,7 +71,7 @@ class SafetyMonitorNode(StackNode):
         self._step()
 
     def _on_passenger(self, attached: bool) -> None:
-        self._monitor.observation.chair.said(attached)
+        self._monitor.observation.chair.on_passenger(attached)
         self._step()
 
     # --- verdict -----------------------------------------------------------------------------------------------------

@@ -59,7 +59,7 @@ class GeneralSession:
         self.refused = 0
         self.last_refusal = ""
         self._stopped = False
-        self._told = ("", 0.0)
+        self._logged = ("", 0.0)
         self._published = (-1, -1)
 
     # --- from the node's callbacks -----------------------------------------------------------------------------------
@@ -138,9 +138,9 @@ class GeneralSession:
     def _refuse(self, text: str) -> None:
         self.refused += 1
         self.last_refusal = text
-        kind, now_s, (told, told_s) = _FRACTIONS.sub("#", text), time.monotonic(), self._told
-        if kind != told or now_s - told_s > _REPEATED_S:
-            self._told = (kind, now_s)
+        kind, now_s, (logged, logged_s) = _FRACTIONS.sub("#", text), time.monotonic(), self._logged
+        if kind != logged or now_s - logged_s > _REPEATED_S:
+            self._logged = (kind, now_s)
             self._log.error(text)
 
     def _close(self) -> None:

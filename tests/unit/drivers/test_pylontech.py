@@ -187,7 +187,7 @@ def test_battery_without_protection_frame_has_unknown_health() -> None:
     assert reading.health is Health.UNKNOWN
     assert pack.problem(0.0) == ""
     values = pack.values(0.0)
-    assert {values[key] for key in ("manufacturer", "protections", "alarms", "may be charged")} == {"not heard"}
+    assert {values[key] for key in ("manufacturer", "protections", "alarms", "may be charged")} == {"not received"}
 
 
 def test_stale_protections_yield_unknown_health() -> None:

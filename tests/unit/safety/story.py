@@ -138,7 +138,7 @@ class Story:
         """Sets the state of a wheelchair on the closed latch."""
         self.latch = CLOSED if attached else OPEN
         self.monitor.observation.chair.contacts(self.latch)
-        self.monitor.observation.chair.said(attached)
+        self.monitor.observation.chair.on_passenger(attached)
         return self
 
     def clear(self, source: str) -> ResetAnswer:

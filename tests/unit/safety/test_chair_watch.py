@@ -54,7 +54,7 @@ def test_opened_latch_stops_and_reset_permits_only_slow_undocking() -> None:
     story.run(1.0)
     state(story, UNDOCKING).tick().expect(NORMAL, (), linear_mps=CREEP_MPS, reason="UNDOCKING")
     assert story.verdict.limit.angular_radps == PARAMS.undocking.max_yaw_rate_radps
-    story.monitor.observation.chair.said(False)
+    story.monitor.observation.chair.on_passenger(False)
     state(story, FREE).tick().expect(NORMAL, (), linear_mps=1.5)
 
 
@@ -181,7 +181,7 @@ def test_passenger_false_is_ignored_while_the_latch_is_closed(statement: LatchSt
     story = Story().carry().healthy()
     if statement is not None:
         state(story, statement)
-    story.monitor.observation.chair.said(False)
+    story.monitor.observation.chair.on_passenger(False)
     story.run(1.0).expect(NORMAL, (), linear_mps=1.0, reason="PASSENGER_ONBOARD")
     assert story.monitor.memory.passenger
 
@@ -190,7 +190,7 @@ def test_a_false_of_another_does_not_free_a_loose_chair() -> None:
     story = riding()
     story.latch = OPEN
     story.tick()
-    story.monitor.observation.chair.said(False)
+    story.monitor.observation.chair.on_passenger(False)
     story.run(0.1).expect(EMERGENCY, ("CHAIR_LOOSE", "LATCH_NOT_CLOSED"))
 
 
@@ -199,20 +199,20 @@ LIMIT = SpeedLimit(0.15, 0.10)
 
 def test_passenger_attached_and_detached() -> None:
     found = ChairWatch(False, LIMIT, STALE_S)
-    found.said(True)
+    found.on_passenger(True)
     assert (found.attached, found.carried) == (True, True)  # no latch statement: the report counts
-    found.said(False)
+    found.on_passenger(False)
     assert (found.attached, found.carried) == (False, False)
     found.contacts(CLOSED)
     assert (found.closed, found.attached, found.carried) == (True, True, True)
     found.contacts(OPEN)
     assert (found.closed, found.attached, found.carried) == (False, False, False)
     found.stated(FREE, 0.0)
-    found.said(True)
+    found.on_passenger(True)
     assert (found.attached, found.carried) == (False, True)  # sets limits and outline, but no chair can get loose
     found.stated(HELD, 0.0)
     assert found.attached
-    found.said(False)
+    found.on_passenger(False)
     assert found.carried
 
 

@@ -131,7 +131,7 @@ def test_obstacles_never_received_raise_no_stale_sight() -> None:
 def test_assumed_chair_hides_no_obstacle(before_m: float) -> None:
     story = Story().healthy()
     story.monitor.observation.chair.stated(LatchStatement(attached=False, undocking=False), story.now_s)
-    story.monitor.observation.chair.said(True)
+    story.monitor.observation.chair.on_passenger(True)
     story.obstacles = things(BUMPER_M + before_m)
     story.run(0.2)
     assert story.monitor.passenger
@@ -154,7 +154,7 @@ def test_an_assumed_chair_is_part_of_the_outline() -> None:
     """A point 0.3 m in front of the chair is 1.2 m in front of the robot."""
     chair_m = ROBOT.footprint_with_chair.front_m
     story = Story().healthy()
-    story.monitor.observation.chair.said(True)
+    story.monitor.observation.chair.on_passenger(True)
     story.obstacles = things(chair_m + 0.3)
     story.run(0.2)
     assert story.monitor.nearest_obstacle_m == pytest.approx(0.3, abs=1e-6)
