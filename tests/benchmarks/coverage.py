@@ -7,7 +7,7 @@ from robot_stack.core.robot import load_robot
 from robot_stack.core.robot_shape import load_robot_shape
 from robot_stack.coverage.params import load_coverage_params
 from robot_stack.coverage.report import bodies, figures, look_around
-from tests.benchmarks.support.framework import Aim
+from tests.benchmarks.support.framework import Aim, Result
 
 AIMS = {
     "seen_pct_06_empty": Aim(">", 99.0),
@@ -17,7 +17,7 @@ AIMS = {
 }
 
 
-def run() -> tuple[dict[str, float], dict[str, object]]:
+def run() -> Result:
     """(figures in percent, conditions): geometry alone, no noise and no weather."""
     robot, params = load_robot(), load_coverage_params()
     standing = bodies(robot, load_robot_shape(), load_docks())
@@ -29,4 +29,4 @@ def run() -> tuple[dict[str, float], dict[str, object]]:
         "points_min": params.points_min,
         "lowest_point_m": params.lowest_point_m,
     }
-    return found, conditions
+    return Result(found, conditions)

@@ -25,7 +25,7 @@ from sim.camera.conditions import Conditions
 from sim.settings import pose_settings
 from tests.benchmarks.support.bad_pictures import BAD
 from tests.benchmarks.support.few_nodes import DRIVE, WITHOUT_MAP, FewNodes
-from tests.benchmarks.support.framework import Aim, BenchError
+from tests.benchmarks.support.framework import Aim, BenchError, Result
 
 AIMS = {
     "err_mm_p95": Aim("<", 1.5),
@@ -69,9 +69,7 @@ class Outcome:
     contact_n: float
 
 
-def run(
-    runs: int = 200, seed: int = 1, workers: int = 0, untaught_every: int = 5
-) -> tuple[dict[str, float], dict[str, object]]:
+def run(runs: int = 200, seed: int = 1, workers: int = 0, untaught_every: int = 5) -> Result:
     """Returns (figures, conditions). Wheels, steering zeros, camera and mounting are drawn anew for each run.
 
     workers: processes; 0: one per core. untaught_every: each n-th run has no teaching from an earlier closed latch.
@@ -86,17 +84,20 @@ def run(
     if untaught:
         figures["untaught_err_mm_p95"] = float(np.percentile([o.error_mm for o in untaught], 95))
         figures["untaught_yaw_deg_p95"] = float(np.percentile([o.yaw_deg for o in untaught], 95))
-    return figures, {
-        "runs": runs,
-        "start": "+-0.5 m, +-20 deg around staging",
-        "chair": "+-5 deg, passenger 0-120 kg, ground inclined up to 3 deg in any direction",
-        "camera": "focal length 0.1 %, principal point 0.3 px, mounting 1 mm and 0.1 deg off, drawn for each run",
-        "taught": f"by one earlier closed latch, but each {untaught_every}th run not: those are untaught_*",
-        "weather": f"{_BAD_SHARE:.0%} of the runs under one of {', '.join(BAD)}; else light of 30-100 %",
-        "success by weather": _by_weather(outcomes),
-        "failures": [{**asdict(o.trial), "code": o.code, "reason": o.reason} for o in outcomes if not o.success],
-        "time": "simulated, from the staging pose to the closed latch and what it taught",
-    }
+    return Result(
+        figures,
+        {
+            "runs": runs,
+            "start": "+-0.5 m, +-20 deg around staging",
+            "chair": "+-5 deg, passenger 0-120 kg, ground inclined up to 3 deg in any direction",
+            "camera": "focal length 0.1 %, principal point 0.3 px, mounting 1 mm and 0.1 deg off, drawn for each run",
+            "taught": f"by one earlier closed latch, but each {untaught_every}th run not: those are untaught_*",
+            "weather": f"{_BAD_SHARE:.0%} of the runs under one of {', '.join(BAD)}; else light of 30-100 %",
+            "success by weather": _by_weather(outcomes),
+            "failures": [{**asdict(o.trial), "code": o.code, "reason": o.reason} for o in outcomes if not o.success],
+            "time": "simulated, from the staging pose to the closed latch and what it taught",
+        },
+    )
 
 
 def _counted(outcomes: Iterable[Outcome], runs: int) -> list[Outcome]:

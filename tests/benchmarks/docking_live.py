@@ -10,7 +10,7 @@ from pathlib import Path
 from robot_stack.core.docks import load_docks
 from sim.settings import WORLDLY, pose_settings, world_settings
 from tests.benchmarks.docking import Trial, dock, dock_nominal, draw
-from tests.benchmarks.support.framework import Aim
+from tests.benchmarks.support.framework import Aim, Result
 from tests.benchmarks.support.stack import running_stack
 
 AIMS = {"live_success_pct": Aim(">=", 100.0), "live_err_mm_max": Aim("<", 4.0)}
@@ -18,7 +18,7 @@ _DOCK = "chair_1"
 _LIMIT_S = 150.0
 
 
-def run(runs: int = 10, seed: int = 1) -> tuple[dict[str, float], dict[str, object]]:
+def run(runs: int = 10, seed: int = 1) -> Result:
     """(figures, conditions) of ``runs`` trials of the benchmark docking: even ground, clear light, never taught."""
     from sim.nodes.docking_trial import LiveOutcome, dock_live
 
@@ -41,14 +41,17 @@ def run(runs: int = 10, seed: int = 1) -> tuple[dict[str, float], dict[str, obje
         "live_time_s_median": statistics.median(item.time_s for item in live),
         "lockstep_time_s_median": statistics.median(item.time_s for item in lockstep),
     }
-    return figures, {
-        "runs": runs,
-        "each run": [
-            f"{a.error_mm:.2f} mm {a.time_s:.1f} s live, {b.error_mm:.2f} mm {b.time_s:.1f} s" for a, b in pairs
-        ],
-        "robots": "the same seeds: wheels, cameras and mountings are the same in both",
-        "light": "clear; even ground; no closed latch has taught anything",
-    }
+    return Result(
+        figures,
+        {
+            "runs": runs,
+            "each run": [
+                f"{a.error_mm:.2f} mm {a.time_s:.1f} s live, {b.error_mm:.2f} mm {b.time_s:.1f} s" for a, b in pairs
+            ],
+            "robots": "the same seeds: wheels, cameras and mountings are the same in both",
+            "light": "clear; even ground; no closed latch has taught anything",
+        },
+    )
 
 
 def _settings(trial: Trial, folder: Path) -> list[str]:

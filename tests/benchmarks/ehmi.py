@@ -17,7 +17,7 @@ from robot_stack.ehmi.nodes.serial_port import SerialPort
 from robot_stack.ehmi.params import EhmiParams
 from sim.ehmi.line import DisplayLine
 from sim.ehmi.params import EhmiDisplayParams
-from tests.benchmarks.support.framework import Aim, BenchError, percentile
+from tests.benchmarks.support.framework import Aim, BenchError, Result, percentile
 
 AIMS = {
     "state_to_ack_ms_p99": Aim("<", 100.0),
@@ -69,7 +69,7 @@ def _within(condition: Callable[[], bool], limit_s: float = _DEADLINE_S) -> bool
     return True
 
 
-def run(states: int = 1000, pulls: int = 100, frames: int = 100_000) -> tuple[dict[str, float], dict[str, object]]:
+def run(states: int = 1000, pulls: int = 100, frames: int = 100_000) -> Result:
     """states: timed state changes. pulls: cable disconnections. frames: corrupted ones, half sent to the display."""
     with tempfile.TemporaryDirectory(dir="/dev/shm") as folder:
         rig = _Rig(Path(folder))
@@ -90,15 +90,18 @@ def run(states: int = 1000, pulls: int = 100, frames: int = 100_000) -> tuple[di
         "states_lost": float(lost + lost_by_pulls),
         "corrupt_frames_accepted": float(accepted),
     }
-    return figures, {
-        "states": states,
-        "pulls": f"{pulls}, out for 0 to 0.6 s, with the state changed meanwhile; every second one loses its power too",
-        "recovered_links": "per 100 pulls",
-        "frames": f"{frames}, 1 to {_MOST_CHANGES} bytes changed; accepted: understood as another command or answer",
-        "display": f"simulated firmware on a pty, noise {rig.display.firmware.noise:g} of all bytes, answers after "
-        f"{1e3 * rig.display.firmware.latency_s:g} to "
-        f"{1e3 * (rig.display.firmware.latency_s + rig.display.firmware.latency_jitter_s):g} ms",
-    }
+    return Result(
+        figures,
+        {
+            "states": states,
+            "pulls": f"{pulls}, out for 0 to 0.6 s, the state changed meanwhile; every second one without power too",
+            "recovered_links": "per 100 pulls",
+            "frames": f"{frames}, 1 to {_MOST_CHANGES} bytes changed; accepted: read as another command or answer",
+            "display": f"simulated firmware on a pty, noise {rig.display.firmware.noise:g} of all bytes, answers after "
+            f"{1e3 * rig.display.firmware.latency_s:g} to "
+            f"{1e3 * (rig.display.firmware.latency_s + rig.display.firmware.latency_jitter_s):g} ms",
+        },
+    )
 
 
 def _changes(rig: _Rig, count: int) -> tuple[list[float], int]:

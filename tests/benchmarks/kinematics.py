@@ -20,7 +20,7 @@ from robot_stack.drive.parameters import (
 )
 from robot_stack.drive.permission import Situation, permit
 from robot_stack.drive.swerve_drive import SwerveDrive
-from tests.benchmarks.support.framework import Aim
+from tests.benchmarks.support.framework import Aim, Result
 
 AIMS = {"step_us_p50": Aim("<", 20.0)}
 _TICK_S = 0.05
@@ -34,7 +34,7 @@ def course(t_s: float) -> Twist2:
     return Twist2(sign * (0.9 + 0.5 * math.sin(0.7 * t_s)), 0.6 * math.sin(0.9 * t_s), 0.8 * math.sin(0.5 * t_s))
 
 
-def run(ticks: int = 6000) -> tuple[dict[str, float], dict[str, object]]:
+def run(ticks: int = 6000) -> Result:
     """(figures in microseconds, conditions): ``ticks`` steps at 20 Hz of ride time, without pacing."""
     twists = [course(tick * _TICK_S) for tick in range(ticks)]
     steps_us = _controller_us(twists)
@@ -50,7 +50,7 @@ def run(ticks: int = 6000) -> tuple[dict[str, float], dict[str, object]]:
         conditions["wpilib"] = f"not measured: {error}"
     else:
         figures["wpilib_us_p50"] = _percentile(wpilib_us, 50)
-    return figures, conditions
+    return Result(figures, conditions)
 
 
 def _controller_us(twists: list[Twist2]) -> list[float]:

@@ -23,7 +23,7 @@ from sim.camera.model import TrueCamera, load_camera_params, project
 from sim.camera.motion import Motion, Track, still
 from sim.camera.render import Renderer
 from tests.benchmarks.support.bad_pictures import BAD, clear
-from tests.benchmarks.support.framework import Aim, percentile
+from tests.benchmarks.support.framework import Aim, Result, percentile
 from tests.benchmarks.support.plain_opencv import PlainOpenCv
 
 Array = NDArray[np.float64]
@@ -74,7 +74,7 @@ class Reading:
         return self.error_mm <= 1e3 * _WRONG_SHARE * self.shot.distance_m
 
 
-def run(poses: int = 60, bad_poses: int = 30, seed: int = 1) -> tuple[dict[str, float], dict[str, object]]:
+def run(poses: int = 60, bad_poses: int = 30, seed: int = 1) -> Result:
     """Returns (figures, conditions). poses: scenes per distance; bad_poses: per bad condition; two images each."""
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
@@ -85,7 +85,7 @@ def run(poses: int = 60, bad_poses: int = 30, seed: int = 1) -> tuple[dict[str, 
         bad = {name: _bad_readings(bench, draw, bad_poses) for name, draw in BAD.items()}
     finally:
         cv2.setNumThreads(threads)
-    return _figures(clean, plain, bad), _conditions(poses, bad_poses, seed)
+    return Result(_figures(clean, plain, bad), _conditions(poses, bad_poses, seed))
 
 
 class _Bench:

@@ -15,7 +15,7 @@ from sim.parameters import load_sim_params
 from sim.plant.rig import Rig, TwistController
 from sim.plant.world import Setup
 from sim.worldfile import load_world
-from tests.benchmarks.support.framework import Aim
+from tests.benchmarks.support.framework import Aim, Result
 from tests.benchmarks.support.perfect_ride import RATE_HZ, error_m, mixed_twist, perfect_ride, wpilib_error_m
 
 AIMS = {"integration_error_mm": Aim("<", 2.0), "drift_pct_100m": Aim("<", 0.5)}
@@ -35,7 +35,7 @@ class Drift:
     distance_m: float
 
 
-def run(distance_m: float = 78.0, drift_m: float = 100.0, seeds: int = 3) -> tuple[dict[str, float], dict[str, object]]:
+def run(distance_m: float = 78.0, drift_m: float = 100.0, seeds: int = 3) -> Result:
     """Returns (figures, conditions).
 
     distance_m: of the ride with perfect encoders. drift_m: of each ride in physics. seeds: number of machines, each
@@ -61,7 +61,7 @@ def run(distance_m: float = 78.0, drift_m: float = 100.0, seeds: int = 3) -> tup
     figures["drift_pct_100m_worst"] = 100.0 * max(item.of_way for item in drifts)
     figures["yaw_drift_deg_worst"] = math.degrees(max(abs(item.yaw_rad) for item in drifts))
     conditions["drift_way_m"] = [round(item.distance_m, 1) for item in drifts]
-    return figures, conditions
+    return Result(figures, conditions)
 
 
 def drift(seed: int, distance_m: float) -> Drift:

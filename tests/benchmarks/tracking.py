@@ -19,7 +19,7 @@ from robot_stack.navigation.path import Path
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.states import NavigationState
 from tests.benchmarks.support.few_nodes import DRIVE, WITHOUT_MAP, FewNodes
-from tests.benchmarks.support.framework import Aim, BenchError
+from tests.benchmarks.support.framework import Aim, BenchError, Result
 
 AIMS = {"rms_mm": Aim("<", 20.0)}
 _WORLD = "flat"
@@ -84,7 +84,7 @@ ROUTE = (
 
 def run(
     speed_mps: float = 1.0, seeds: int = 3, stand_s: float = 10.0, pass_m: float = 1.0, passenger_kg: float = 0.0
-) -> tuple[dict[str, float], dict[str, object]]:
+) -> Result:
     """Returns (figures, conditions) of the route, driven once for each seed.
 
     stand_s: standstill before the ride, for the estimate of the gyro bias. pass_m: distance before a passed goal at
@@ -104,17 +104,20 @@ def run(
         "localization_max_mm": 1e3 * max(_located(sample).distance_to(sample.truth) for sample in driving),
         "speed_max_mps": max(sample.true_twist.speed() for sample in driving),
     }
-    return figures, {
-        "route": "6 m straight, 5.7 m diagonal turning 1.2 rad, S of 12.7 m with three corners turning 1.2 rad back",
-        "speed_mps": speed_mps,
-        "rides": f"{seeds}, seeds 1 to {seeds}: noise, wheel radii, steering zeros, phases of the nodes",
-        "world": f"{_WORLD}; five nodes on the deterministic scheduler, the safety monitor is played",
-        "load": f"wheelchair with {passenger_kg} kg" if passenger_kg > 0.0 else "empty robot",
-        "rms_mm, max_mm": "distance of the true pose from the planned path, every 50 ms of driving",
-        "estimate": "the same of the estimated pose: without the error of the localization",
-        "position_rms_mm": "true position against the planned one at that moment, along the path included",
-        "localization": "wheel odometry and gyro only, from the true start pose",
-    }
+    return Result(
+        figures,
+        {
+            "route": "6 m straight, 5.7 m diagonal turning 1.2 rad, S of 12.7 m with 3 corners turning 1.2 rad back",
+            "speed_mps": speed_mps,
+            "rides": f"{seeds}, seeds 1 to {seeds}: noise, wheel radii, steering zeros, phases of the nodes",
+            "world": f"{_WORLD}; five nodes on the deterministic scheduler, the safety monitor is played",
+            "load": f"wheelchair with {passenger_kg} kg" if passenger_kg > 0.0 else "empty robot",
+            "rms_mm, max_mm": "distance of the true pose from the planned path, every 50 ms of driving",
+            "estimate": "the same of the estimated pose: without the error of the localization",
+            "position_rms_mm": "true position against the planned one at that moment, along the path included",
+            "localization": "wheel odometry and gyro only, from the true start pose",
+        },
+    )
 
 
 def ride(seed: int, speed_mps: float, stand_s: float, pass_m: float, passenger_kg: float = 0.0) -> list[Sample]:

@@ -105,15 +105,13 @@ def run(benchmark: Benchmark, options: Mapping[str, Any]) -> dict[str, Any]:
     conditions = common_conditions()
     began_s = time.monotonic()
     measured = benchmark.module.run(**options)
-    # A benchmark may return a plain pair instead of a Result.
-    figures, own = (measured.figures, measured.conditions) if isinstance(measured, Result) else measured
     conditions |= {
         "options": {**benchmark.options, **options},
         "duration_s": round(time.monotonic() - began_s, 1),
         "load_average_after": os.getloadavg()[0],
-        **own,
+        **measured.conditions,
     }
-    return {"name": benchmark.name, "figures": dict(figures), "conditions": conditions}
+    return {"name": benchmark.name, "figures": dict(measured.figures), "conditions": conditions}
 
 
 def common_conditions() -> dict[str, Any]:

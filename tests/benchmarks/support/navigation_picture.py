@@ -12,12 +12,12 @@ from matplotlib.patches import Polygon
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import load_robot
 from tests.benchmarks.support.navigation_course import Box, body, course
-from tests.benchmarks.support.navigation_result import Result
+from tests.benchmarks.support.navigation_result import CourseResult
 
 _MOST = 6
 
 
-def draw(driven: Sequence[tuple[int, bool, Result]], path: Path) -> None:
+def draw(driven: Sequence[tuple[int, bool, CourseResult]], path: Path) -> None:
     """Draws the courses with the worst results, ordered by failure, then clearance."""
     worst = sorted(driven, key=lambda item: (item[2].reached, -item[2].collisions, item[2].clearance_m))[:_MOST]
     columns = 2 if len(worst) > 1 else 1

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 
 @dataclass
-class Result:
+class CourseResult:
     """Result of one course. trace: (x, y, yaw, speed) each tick. step_ms: CPU time of each tick."""
 
     reached: bool

@@ -29,13 +29,13 @@ _LIMIT_S = 20.0
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
-    """told_s: real time from the goal to the refusal; cpu_s: CPU time of all threads until then.
+class Refused:
+    """reported_s: real time from the goal to the refusal; cpu_s: CPU time of all threads until then.
 
     wall_ms, cpu_ms: of each tick until a second after the refusal.
     """
 
-    told_s: float
+    reported_s: float
     cpu_s: float
     text: str
     times: int
@@ -62,7 +62,7 @@ def sites() -> dict[str, Cells]:
     return {"goal closed in": closed_in, "town with a river": river, "field with a river": field}
 
 
-def tell(cells: Cells, params: NavigationParams, robot: Robot) -> Told:
+def refuse(cells: Cells, params: NavigationParams, robot: Robot) -> Refused:
     """Requests one goal from the controller with its worker, ticking in real time."""
     planners: list[BackgroundPlanner] = []
 
@@ -79,13 +79,13 @@ def tell(cells: Cells, params: NavigationParams, robot: Robot) -> Told:
         planners[0].close(2.0)
 
 
-def _ticks(controller: NavigationController) -> Told:
+def _ticks(controller: NavigationController) -> Refused:
     half = 0.5 * _GOAL.yaw
     goal = GoalRequest("map", 0.0, (_GOAL.x, _GOAL.y, 0.0), (0.0, 0.0, math.sin(half), math.cos(half)))
     located = Located(_START, ZERO_TWIST, IDENTITY)
     costmap = np.zeros((200, 200), np.int8)
     costmap[150:152, 60:140] = 100  # in the costmap, not in the map: the planner also checks the map alone
-    told_s, used_s, text = math.nan, math.nan, ""
+    reported_s, used_s, text = math.nan, math.nan, ""
     wall_ms: list[float] = []
     cpu_ms: list[float] = []
     cpu_began_s = time.process_time()
@@ -104,10 +104,7 @@ def _ticks(controller: NavigationController) -> Told:
         if output.end is not None:
             times += 1
             used_s = time.process_time() - cpu_began_s
-            told_s, text, end_s = time.monotonic() - began_s, output.text, time.monotonic() + 1.0
+            reported_s, text, end_s = time.monotonic() - began_s, output.text, time.monotonic() + 1.0
         ticks += 1
         time.sleep(max(0.0, began_s + ticks * _TICK_S - time.monotonic()))
-    return Told(told_s, used_s, text, times, wall_ms, cpu_ms)
-
-
-__all__ = ["Told", "sites", "tell", "town"]
+    return Refused(reported_s, used_s, text, times, wall_ms, cpu_ms)
