@@ -30,7 +30,7 @@ from sim.nodes.imu_driver import ImuDriver
 from sim.nodes.sim_world import SimWorld
 from sim.nodes.world_outputs import WorldOutputs, build_simulation
 from sim.nodes.world_time import WorldTime
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.plant.faults import Faults
 from sim.plant.simulation import Simulation
 from sim.run.loop import Loop, Task

@@ -14,7 +14,7 @@ from robot_stack.core.config import load
 from robot_stack.core.robot import load_robot
 from robot_stack.drive.joint_states import BadJointStates, encoders
 from robot_stack.drive.odometry import SwerveOdometry
-from robot_stack.drive.parameters import SwerveControllerParams, module_positions, odometry_settings
+from robot_stack.drive.params import SwerveControllerParams, module_positions, odometry_settings
 from robot_stack.drive.self_calibration import CalibrationSettings, Learnt
 
 # An estimate is unobserved if its deviation is hardly below the prior's.

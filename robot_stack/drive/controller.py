@@ -10,7 +10,7 @@ from robot_stack.core.robot import Robot
 from robot_stack.drive.arbitration import NO_COMMAND, Command
 from robot_stack.drive.kinematics import Four
 from robot_stack.drive.odometry import Encoders, Odometry, SwerveOdometry
-from robot_stack.drive.parameters import (
+from robot_stack.drive.params import (
     SwerveControllerParams,
     drive_settings,
     module_limits,

@@ -6,7 +6,7 @@ from robot_stack.core.robot import Robot
 from robot_stack.core.robot_shape import RobotShape, robot_solids
 from sim.lidar import labels
 from sim.lidar.shapes import BOX, CYLINDER, Shape
-from sim.parameters import Wheelchair
+from sim.params import Wheelchair
 
 # A person of 1.75 m, frame: on the ground between the feet, x ahead. Radius, foot and top of each cylinder, m.
 _LEG_APART_M, _LEG_AHEAD_M = 0.10, 0.12

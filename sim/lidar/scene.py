@@ -15,7 +15,7 @@ from sim.lidar.bodies import chair_shapes, person_shapes
 from sim.lidar.kernels import FIRST_SOLID
 from sim.lidar.params import LidarParams
 from sim.lidar.shapes import BOX, CYLINDER, F64, Shape, ShapeArrays, pack
-from sim.parameters import Wheelchair
+from sim.params import Wheelchair
 from sim.plant.terrain import Solid, solids
 from sim.worldfile import Patch, Pit, WorldFile
 

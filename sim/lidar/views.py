@@ -15,7 +15,7 @@ from sim.camera.motion import Track, still
 from sim.lidar.params import LidarParams, load_lidar_params
 from sim.lidar.scene import WHEELCHAIR, build_scene
 from sim.lidar.sensor import Lidar
-from sim.parameters import SimParams, load_sim_params
+from sim.params import SimParams, load_sim_params
 from sim.plant.people import PREFIX
 from sim.worldfile import WorldFile
 

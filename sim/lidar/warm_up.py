@@ -10,7 +10,7 @@ from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import WHEELCHAIR, build_scene
 from sim.lidar.sensor import Conditions, Lidar
 from sim.lidar.weather import Weather
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.worldfile import load_world
 
 _WET_WORLD = "yard"  # its puddle mirrors

@@ -21,18 +21,18 @@ from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import Robot, load_robot
 from robot_stack.drive.arbitration import Arbiter, Source
 from robot_stack.drive.controller import SwerveController
-from robot_stack.drive.hardware_parameters import SwerveHardwareParams, axis_settings, session_settings
+from robot_stack.drive.hardware_params import SwerveHardwareParams, axis_settings, session_settings
 from robot_stack.drive.joint_states import encoders as encoders_of
 from robot_stack.drive.kinematics import ModuleSetPoints
 from robot_stack.drive.odometry import Encoders, Odometry
-from robot_stack.drive.parameters import SwerveControllerParams
+from robot_stack.drive.params import SwerveControllerParams
 from robot_stack.drive.session import DriveSession
 from robot_stack.localization.gyro import ImuSample as GyroSample
 from robot_stack.localization.localizer import Localizer
 from robot_stack.localization.odometry import OdometryReading, Variances
 from robot_stack.localization.params import LocalizationParams
 from robot_stack.wmx.config import load_engine_config
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.plant.imu import ImuSample
 from sim.plant.local_engine import LocalEngine
 from sim.plant.simulation import Simulation

@@ -22,7 +22,7 @@ from sim.lidar.scene import build_scene
 from sim.lidar.sensor import Lidar
 from sim.mapping.kernel_stack import KernelStack
 from sim.mapping.ride_writer import RideWriter
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.plant.imu import ImuSample
 from sim.plant.wheelchair import matrix_of
 from sim.plant.world import Setup

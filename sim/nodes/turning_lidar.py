@@ -30,7 +30,7 @@ from sim.lidar.warm_up import warm_up
 from sim.nodes.bodies import Bodies
 from sim.nodes.fault_service import serve_faults
 from sim.nodes.message_bytes import CloudBytes, restamped
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.plant.people import PREFIX
 from sim.worldfile import load_world
 from tf2_msgs.msg import TFMessage

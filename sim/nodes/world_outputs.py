@@ -11,7 +11,7 @@ from robot_stack.core.config import ConfigError
 from sim.nodes.battery_driver import BatteryDriver
 from sim.nodes.imu_driver import ImuDriver
 from sim.nodes.sim_world import SimWorld
-from sim.parameters import SimParams
+from sim.params import SimParams
 from sim.plant.imu import ImuSample
 from sim.plant.simulation import Simulation
 from sim.run.loop import Task

@@ -26,7 +26,7 @@ import mujoco
 from robot_stack.core.config import ConfigError
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.robot import load_robot
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.pictures.picture_figures import paint_boards, paint_passenger
 from sim.plant.rig import Rig, TwistController
 from sim.plant.world import Setup, World

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.contract.frames import DRIVE_AXES, STEER_AXES
-from sim.parameters import Battery
+from sim.params import Battery
 
 _SECONDS_PER_HOUR = 3600.0
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from xml.etree.ElementTree import Element, SubElement
 
 from robot_stack.core.robot import Robot
-from sim.parameters import SimParams, Wheelchair
+from sim.params import SimParams, Wheelchair
 from sim.plant.inertia import CHAIR_HEIGHT_M, wheelchair_inertial
 from sim.plant.mjcf import CHAIR_BITS, CHAIR_GROUP, add_geom, add_inertial, vector
 

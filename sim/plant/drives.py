@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from robot_stack.contract.frames import JOINTS
 from robot_stack.core.robot import Robot
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback
-from sim.parameters import PositionLoop, SimParams, SpeedLoop
+from sim.params import PositionLoop, SimParams, SpeedLoop
 from sim.plant import drive_loops as loops
 from sim.plant.robot_model import Tolerances
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.core.robot import SIDES, SafetyEdge
-from sim.parameters import SimParams
+from sim.params import SimParams
 from sim.plant.contacts import CHAIR
 from sim.plant.drives import ServoDrives
 from sim.plant.edge_model import PLATES, PREFIX, plate_travel_m

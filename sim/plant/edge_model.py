@@ -11,7 +11,7 @@ from typing import Final
 from xml.etree.ElementTree import Element
 
 from robot_stack.core.robot import Robot, SafetyEdge
-from sim.parameters import SimParams
+from sim.params import SimParams
 from sim.plant.mjcf import ROBOT_BITS, ROBOT_GROUP, add_geom, number, vector
 
 PREFIX: Final = "edge_"

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.core.geometry import yaw_from_quaternion
-from sim.parameters import Imu
+from sim.params import Imu
 
 Quaternion = tuple[float, float, float, float]
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robot_stack.core.robot import Robot
-from sim.parameters import SimParams, Wheelchair
+from sim.params import SimParams, Wheelchair
 
 Vector = tuple[float, float, float]
 

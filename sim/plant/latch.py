@@ -9,7 +9,7 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import Final
 
-from sim.parameters import LatchMechanism
+from sim.params import LatchMechanism
 from sim.plant.drives import ServoDrives
 from sim.plant.wheelchair import Chair
 

@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from robot_stack.contract.frames import MODULES
 from robot_stack.core.robot import Robot
-from sim.parameters import SimParams
+from sim.params import SimParams
 from sim.plant.chair_model import add_latch, add_wheelchair
 from sim.plant.mjcf import (
     NO_BITS,

@@ -14,16 +14,16 @@ from robot_stack.core.robot import Robot
 from robot_stack.drive import axis_commands
 from robot_stack.drive.arbitration import Command
 from robot_stack.drive.controller import SwerveController
-from robot_stack.drive.hardware_parameters import SwerveHardwareParams, axis_settings
+from robot_stack.drive.hardware_params import SwerveHardwareParams, axis_settings
 from robot_stack.drive.kinematics import Four, ModuleSetPoints
 from robot_stack.drive.odometry import Encoders
-from robot_stack.drive.parameters import (
+from robot_stack.drive.params import (
     SwerveControllerParams,
 )
 from robot_stack.drive.wheel_axes import drive_moves, steer_moves
 from robot_stack.wmx.api import ErrorCode, EStopLevel
 from robot_stack.wmx.config import load_engine_config
-from sim.parameters import SimParams
+from sim.params import SimParams
 from sim.plant.faults import Faults
 from sim.plant.local_engine import LocalEngine
 from sim.plant.simulation import Simulation

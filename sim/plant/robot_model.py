@@ -16,7 +16,7 @@ from xml.etree.ElementTree import Element, SubElement
 
 from robot_stack.contract.frames import MODULES
 from robot_stack.core.robot import Robot
-from sim.parameters import SimParams
+from sim.params import SimParams
 from sim.plant.edge_model import add_edge, core_size_m, plate_travel_m, soft
 from sim.plant.inertia import chassis_inertial, steering_inertial, wheel_inertial
 from sim.plant.mjcf import (

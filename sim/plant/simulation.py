@@ -9,7 +9,7 @@ import numpy as np
 
 from robot_stack.contract import topics
 from robot_stack.core.robot import Robot
-from sim.parameters import SimParams
+from sim.params import SimParams
 from sim.plant.battery import BatteryModel
 from sim.plant.fault_table import FaultRefused
 from sim.plant.imu import ImuModel, ImuSample

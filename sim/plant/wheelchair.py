@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from robot_stack.core.geometry import Pose2, quaternion_from_yaw
 from robot_stack.core.robot import Robot
-from sim.parameters import SimParams
+from sim.params import SimParams
 from sim.plant.chair_model import CASTORS, SIDES
 from sim.plant.inertia import wheelchair_inertial
 from sim.plant.mjcf import CHAIR_BITS, NO_BITS

@@ -18,7 +18,7 @@ from robot_stack.contract import frames
 from robot_stack.contract.frames import DRIVE_AXES, MODULES
 from robot_stack.core.geometry import Pose2, quaternion_from_yaw, wrap_angle, yaw_from_quaternion
 from robot_stack.core.robot import Robot
-from sim.parameters import SimParams
+from sim.params import SimParams
 from sim.plant.contacts import CHAIR, ROBOT, Contacts, parts
 from sim.plant.drives import JointIndex, ServoDrives
 from sim.plant.edge import Edge

@@ -14,7 +14,7 @@ from pathlib import Path
 from robot_stack.core.geometry import Twist2
 from robot_stack.core.robot import load_robot
 from robot_stack.wmx.engine_server.server import EngineServer
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.plant.rig import Rig, TwistController
 from sim.plant.world import Setup
 from sim.worldfile import load_world

@@ -14,7 +14,7 @@ from sim.nodes.battery_driver import BatteryDriver
 from sim.nodes.imu_driver import ImuDriver
 from sim.nodes.sim_world import SimWorld
 from sim.nodes.world_outputs import WorldOutputs, build_simulation
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.plant.faults import Faults
 from sim.stack.engine import WorldEngine
 

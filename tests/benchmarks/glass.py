@@ -20,7 +20,7 @@ from sim.lidar.params import LidarParams, load_lidar_params
 from sim.lidar.scene import build_scene
 from sim.lidar.sensor import Lidar
 from sim.lidar.views import moving
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.worldfile import WorldFile
 from tests.benchmarks.support.framework import Result
 

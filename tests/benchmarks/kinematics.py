@@ -12,7 +12,7 @@ from robot_stack.core.limits import MotionLimits, SafetyLimit
 from robot_stack.core.robot import load_robot
 from robot_stack.drive.arbitration import Arbiter, Source
 from robot_stack.drive.kinematics import ZEROS
-from robot_stack.drive.parameters import (
+from robot_stack.drive.params import (
     SwerveControllerParams,
     drive_settings,
     module_limits,

@@ -11,7 +11,7 @@ import numpy as np
 from robot_stack.core.geometry import IDENTITY, Twist2
 from robot_stack.core.robot import load_robot
 from robot_stack.drive.kinematics import ModuleSetPoints
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.plant.rig import Rig, TwistController
 from sim.plant.world import Setup
 from sim.worldfile import load_world

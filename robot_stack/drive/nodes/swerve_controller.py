@@ -15,7 +15,7 @@ from robot_stack.drive.arbitration import Arbiter, Source
 from robot_stack.drive.controller import SwerveController
 from robot_stack.drive.joint_states import BadJointStates, encoders
 from robot_stack.drive.nodes.conversions import odom_to_base_link, odometry_message, speed_limit, wheel_commands
-from robot_stack.drive.parameters import SwerveControllerParams
+from robot_stack.drive.params import SwerveControllerParams
 from robot_stack.drive.permission import Action, Permission, Situation, permit
 from robot_stack.drive.swerve_drive import DriveOutput
 from robot_stack.middleware.conversions import time_to_s, twist_from_msg, twist_stamped

@@ -7,7 +7,7 @@ import math
 from custom_msgs.msg import SwerveModuleCommandArray
 from robot_stack.contract import topics
 from robot_stack.contract.frames import DRIVE_AXES, JOINTS
-from robot_stack.drive.hardware_parameters import SwerveHardwareParams, axis_settings, session_settings
+from robot_stack.drive.hardware_params import SwerveHardwareParams, axis_settings, session_settings
 from robot_stack.drive.nodes.conversions import joint_states
 from robot_stack.drive.session import DriveSession
 from robot_stack.drive.wheel_axes import BadWheelCommands, checked_set_points

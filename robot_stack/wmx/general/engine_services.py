@@ -9,7 +9,7 @@ from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.failures import ABSENT
 from robot_stack.wmx.general.answers import Answer, failure, state_name
 from robot_stack.wmx.general.device import Device, Log
-from robot_stack.wmx.general.parameters import GeneralParams
+from robot_stack.wmx.general.params import GeneralParams
 from robot_stack.wmx.general.waiting import Clock, Waits
 from robot_stack.wmx.general.worker import Job
 

@@ -13,7 +13,7 @@ from robot_stack.wmx.general.commands import AxisOrder, CommandLimits
 from robot_stack.wmx.general.device import Device, Log, OpenEngine
 from robot_stack.wmx.general.engine_services import EngineServices
 from robot_stack.wmx.general.motion import AxisMotion
-from robot_stack.wmx.general.parameters import GeneralParams
+from robot_stack.wmx.general.params import GeneralParams
 from robot_stack.wmx.general.requests import Refused
 from robot_stack.wmx.general.waiting import Waits
 from robot_stack.wmx.general.worker import EngineWorker

@@ -15,7 +15,7 @@ from robot_stack.wmx.device_opener import ThreadedOpener
 from robot_stack.wmx.differential.command import BadTwist, Command, OldTwist, TwistCommand
 from robot_stack.wmx.differential.kinematics import REST, body_twist
 from robot_stack.wmx.differential.odometry import Odometry, WheelOdometry, WheelReading
-from robot_stack.wmx.differential.parameters import (
+from robot_stack.wmx.differential.params import (
     DiffDriveParams,
     base_geometry,
     motion_limits,

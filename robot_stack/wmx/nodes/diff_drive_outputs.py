@@ -14,7 +14,7 @@ from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.port import Publisher
 from robot_stack.wmx.differential.kinematics import WheelPair
 from robot_stack.wmx.differential.odometry import Odometry
-from robot_stack.wmx.differential.parameters import DiffDriveParams, named, pose_covariance, twist_covariance
+from robot_stack.wmx.differential.params import DiffDriveParams, named, pose_covariance, twist_covariance
 from tf2_msgs.msg import TFMessage
 
 

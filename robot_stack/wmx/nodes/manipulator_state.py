@@ -12,7 +12,7 @@ from robot_stack.wmx.axes import AxisFeedback
 from robot_stack.wmx.config import load_client_config
 from robot_stack.wmx.manipulator.bring_up import BringUp, BringUpSettings
 from robot_stack.wmx.manipulator.joints import faults, read
-from robot_stack.wmx.manipulator.parameters import ManipulatorStateParams
+from robot_stack.wmx.manipulator.params import ManipulatorStateParams
 from robot_stack.wmx.manipulator.startup import Level, Step
 from robot_stack.wmx.nodes.feedback_thread import FeedbackThread
 from robot_stack.wmx.nodes.joint_outputs import JointOutputs

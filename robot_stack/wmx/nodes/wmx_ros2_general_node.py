@@ -15,7 +15,7 @@ from robot_stack.wmx.config import load_client_config
 from robot_stack.wmx.general.answers import Answer
 from robot_stack.wmx.general.axis_state import axis_state
 from robot_stack.wmx.general.commands import AxisOrder, unknown_profile
-from robot_stack.wmx.general.parameters import GeneralParams
+from robot_stack.wmx.general.params import GeneralParams
 from robot_stack.wmx.general.session import GeneralSession, Move
 from robot_stack.wmx.general.worker import Job
 from wmx_ros2_message.msg import AxisState

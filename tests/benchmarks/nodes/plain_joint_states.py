@@ -13,7 +13,7 @@ from robot_stack.core.config import load
 from robot_stack.ros import transport
 from robot_stack.ros.interfaces import qos_profile
 from robot_stack.wmx import connect
-from robot_stack.wmx.manipulator.parameters import ManipulatorStateParams
+from robot_stack.wmx.manipulator.params import ManipulatorStateParams
 
 
 class PlainJointStates(Node):

@@ -33,7 +33,7 @@ from sim.lidar.scene import WHEELCHAIR
 from sim.lidar.scene import Scene as LidarScene
 from sim.lidar.sensor import Lidar
 from sim.lidar.shapes import Shape, pack
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 
 # Rows that monitor the surroundings; the others are left out, because the rest of the robot counts as healthy.
 ROWS = ("ESTOP_PRESSED", "OVERSPEED", "COLLISION_IMMINENT", "OBSTACLE_NEAR", "OBSTACLES_TIMEOUT")

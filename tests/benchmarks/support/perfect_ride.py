@@ -13,7 +13,7 @@ from robot_stack.core.config import load
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import Robot
 from robot_stack.drive.odometry import Encoders, SwerveOdometry
-from robot_stack.drive.parameters import SwerveControllerParams, module_positions, odometry_settings
+from robot_stack.drive.params import SwerveControllerParams, module_positions, odometry_settings
 
 RATE_HZ = 50
 _FINE_STEPS = 100  # integration steps of the truth within one reading

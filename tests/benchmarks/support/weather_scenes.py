@@ -19,7 +19,7 @@ from sim.lidar.sensor import CLEAR, Conditions, Lidar, Sweep
 from sim.lidar.shapes import BOX, CYLINDER, Shape, pack
 from sim.lidar.sun import Sun
 from sim.lidar.weather import Kind, Weather
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.worldfile import WorldFile, load_world
 
 AMOUNTS: dict[Kind, float] = {"rain": 25.0, "snow": 1.0, "dust": 100.0}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from robot_stack.core.config import load
 from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import load_robot
-from robot_stack.drive.parameters import (
+from robot_stack.drive.params import (
     SwerveControllerParams,
     drive_settings,
     module_limits,

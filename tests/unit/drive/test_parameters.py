@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from robot_stack.core.config import ConfigError, config_dir, read_yaml, validate
-from robot_stack.drive.hardware_parameters import SwerveHardwareParams
-from robot_stack.drive.parameters import SwerveControllerParams, drive_settings, module_limits
+from robot_stack.drive.hardware_params import SwerveHardwareParams
+from robot_stack.drive.params import SwerveControllerParams, drive_settings, module_limits
 from tests.unit.drive.robot import PARAMS, ROBOT
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robot_stack.core.config import load
-from robot_stack.drive.hardware_parameters import SwerveHardwareParams, axis_settings, session_settings
+from robot_stack.drive.hardware_params import SwerveHardwareParams, axis_settings, session_settings
 from robot_stack.drive.kinematics import ModuleSetPoints
 from robot_stack.drive.session import DriveSession
 from robot_stack.drive.wheel_axes import DriveMove, SteerMove

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_stack.core.config import load
-from robot_stack.drive.hardware_parameters import SwerveHardwareParams, axis_settings
+from robot_stack.drive.hardware_params import SwerveHardwareParams, axis_settings
 from robot_stack.drive.wheel_axes import BadWheelCommands, checked_set_points, drive_moves, steer_moves, stop_moves
 from tests.unit.drive.robot import ROBOT
 

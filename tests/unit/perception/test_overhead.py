@@ -26,7 +26,7 @@ from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import WHEELCHAIR, build_scene
 from sim.lidar.sensor import Lidar
 from sim.lidar.views import moving
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.worldfile import WorldFile, load_world
 from tests.unit.perception.scenes import sweep
 from tests.unit.sim.lidar.scenes import world

@@ -17,7 +17,7 @@ from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import build_scene
 from sim.lidar.sensor import Lidar
 from sim.lidar.views import moving
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.worldfile import load_world
 
 PERIOD_S = 0.1

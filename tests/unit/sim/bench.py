@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.robot import Robot, load_robot
 from robot_stack.wmx.bus import MODE_POSITION, MODE_VELOCITY, DriveCommands, DriveFeedback
-from sim.parameters import SimParams, load_sim_params
+from sim.params import SimParams, load_sim_params
 from sim.plant.world import Setup, World
 from sim.worldfile import load_world
 

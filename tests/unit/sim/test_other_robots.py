@@ -33,7 +33,7 @@ from sim.camera.motion import still
 from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import build_scene
 from sim.lidar.sensor import Lidar, Sweep
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.worldfile import Box, WorldFile, load_world
 from tests.benchmarks.docking import Trial, dock
 from tests.benchmarks.tracking import TrackedRide

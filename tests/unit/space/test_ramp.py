@@ -14,7 +14,7 @@ from sim.lidar.bodies import robot_shapes
 from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import WHEELCHAIR, build_scene
 from sim.lidar.sensor import Lidar
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.worldfile import load_world
 from tests.unit.space.yard import PARAMS, ROBOT, STEP_S, _track
 

@@ -31,7 +31,7 @@ from sim.lidar.scene import WHEELCHAIR
 from sim.lidar.scene import Scene as LidarScene
 from sim.lidar.sensor import Lidar
 from sim.lidar.shapes import BOX, CYLINDER, Shape, pack
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 
 ROBOT = load_robot()
 PARAMS = load(PerceptionParams, "perception_pipeline")

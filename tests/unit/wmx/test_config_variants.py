@@ -10,8 +10,8 @@ from rclpy.parameter import parameter_dict_from_yaml_file, parameter_value_to_py
 
 from robot_stack.core.config import Config, config_dir, read_yaml, validate
 from robot_stack.wmx.config import EngineConfig
-from robot_stack.wmx.differential.parameters import DiffDriveParams
-from robot_stack.wmx.manipulator.parameters import ManipulatorStateParams
+from robot_stack.wmx.differential.params import DiffDriveParams
+from robot_stack.wmx.manipulator.params import ManipulatorStateParams
 from robot_stack.wmx.trajectory.params import TrajectoryServerParams
 
 ARM_FILES = ("intel_manipulator_config_cr3a", "orin_manipulator_config_cr3a")

@@ -16,7 +16,7 @@ from robot_stack.wmx.api import EngineState, ErrorCode, OperationState
 from robot_stack.wmx.axes import Flag, Real, StatusSnapshot
 from robot_stack.wmx.general.answers import Answer
 from robot_stack.wmx.general.commands import AxisOrder
-from robot_stack.wmx.general.parameters import GeneralParams
+from robot_stack.wmx.general.params import GeneralParams
 from robot_stack.wmx.general.session import GeneralSession
 from robot_stack.wmx.general.worker import Job
 from tests.support.waiting import wait_for

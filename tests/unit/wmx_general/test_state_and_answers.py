@@ -11,7 +11,7 @@ from robot_stack.wmx.api import EngineState
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.general.answers import Answer, failure, joined, state_name
 from robot_stack.wmx.general.axis_state import axis_state
-from robot_stack.wmx.general.parameters import GeneralParams
+from robot_stack.wmx.general.params import GeneralParams
 from tests.unit.wmx_general.snapshots import standing
 
 FIELDS = [

@@ -13,7 +13,7 @@ from robot_stack.core.robot import load_robot
 from sim.lidar.params import LidarParams, load_lidar_params
 from sim.lidar.scene import build_scene
 from sim.lidar.sensor import Lidar
-from sim.parameters import load_sim_params
+from sim.params import load_sim_params
 from sim.worldfile import WorldFile
 
 ROBOT, SIM = load_robot(), load_sim_params()

@@ -9,7 +9,7 @@ import pytest
 
 from robot_stack.core.config import ConfigError, config_dir, load, read_yaml, validate
 from robot_stack.wmx.config import EngineConfig
-from robot_stack.wmx.differential.parameters import (
+from robot_stack.wmx.differential.params import (
     DiffDriveParams,
     motion_limits,
     named,

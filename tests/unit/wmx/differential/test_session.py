@@ -24,7 +24,7 @@ from robot_stack.wmx.api import (
 )
 from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
 from robot_stack.wmx.differential.kinematics import REST, WheelPair
-from robot_stack.wmx.differential.parameters import DiffDriveParams, patience
+from robot_stack.wmx.differential.params import DiffDriveParams, patience
 from robot_stack.wmx.differential.session import WheelSession
 from robot_stack.wmx.differential.settings import SessionSettings
 from robot_stack.wmx.session import EngineSession

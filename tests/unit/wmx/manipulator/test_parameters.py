@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from robot_stack.core.config import ConfigError, config_dir, load, read_yaml, validate
-from robot_stack.wmx.manipulator.parameters import ManipulatorStateParams, set_or_empty
+from robot_stack.wmx.manipulator.params import ManipulatorStateParams, set_or_empty
 from robot_stack.wmx.manipulator.startup import Step
 
 

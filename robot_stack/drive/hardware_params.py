@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 from robot_stack.contract import topics
 from robot_stack.core.config import Config
 from robot_stack.core.robot import Robot
-from robot_stack.drive.parameters import Positive, max_wheel_speed_mps
+from robot_stack.drive.params import Positive, max_wheel_speed_mps
 from robot_stack.drive.session import SessionSettings
 from robot_stack.drive.wheel_axes import AxisSettings
 from robot_stack.wmx.session import Patience
