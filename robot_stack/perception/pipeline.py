@@ -141,12 +141,14 @@ class Pipeline:
         self.space.observe(look, pose)
         own = self._robot.footprint_with_chair if self.chair else self._robot.footprint
         self.footing.observe(look.floor, look.tilt, pose, own)
-        for body, vx_mps, vy_mps in trackers.slow.look(self.space.come(look, pose), look.stamp_s, self.space.would_see):
-            self.space.go_on(body, vx_mps, vy_mps, pose)
+        for body, vx_mps, vy_mps in trackers.slow.look(
+            self.space.appeared(look, pose), look.stamp_s, self.space.is_visible
+        ):
+            self.space.mark_hidden_body(body, vx_mps, vy_mps, pose)
         wide = self._wide_space
         wide.chair(self.chair)
         wide.observe(look, pose)
-        trackers.fast.look(wide.come(look, pose), look.stamp_s, wide.would_see, partial(look.seen_at_s, pose))
+        trackers.fast.look(wide.appeared(look, pose), look.stamp_s, wide.is_visible, partial(look.seen_at_s, pose))
 
     def points(self, points: Points, stamp_s: float) -> tuple[Float, int]:
         """Cropped and de-skewed: (n, 3) base_link at the stamp, and how many points were not finite."""

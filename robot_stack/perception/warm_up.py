@@ -35,4 +35,4 @@ def warm_up() -> None:
     pipeline.space.observe(
         view_of_beams(0.1, (0.0, 0.0, 0.2), ends, np.ones(1, np.bool_), ends[:, 0] > 1.0, 1.0), IDENTITY
     )
-    pipeline.space.go_on(np.zeros((1, 3)), 0.1, 0.0, IDENTITY)
+    pipeline.space.mark_hidden_body(np.zeros((1, 3)), 0.1, 0.0, IDENTITY)

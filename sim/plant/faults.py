@@ -167,7 +167,7 @@ def _process_killed(sim: Simulation, target: str, value: float | None) -> str:
 
 def _process_hang(sim: Simulation, target: str, value: float | None) -> str:
     if value is None:
-        sim.processes.go_on(target)
+        sim.processes.resume(target)
     else:
         sim.processes.stop(target)
     return f"the process {target} hangs"

@@ -72,7 +72,7 @@ class StackProcesses(Protocol):
 
     def kill(self, name: str) -> None: ...
     def stop(self, name: str) -> None: ...
-    def go_on(self, name: str) -> None: ...
+    def resume(self, name: str) -> None: ...
 
 
 class _NoProcesses:
@@ -83,7 +83,7 @@ class _NoProcesses:
 
     stop = kill
 
-    def go_on(self, name: str) -> None:
+    def resume(self, name: str) -> None:
         """Does nothing: no process was stopped."""
 
 

@@ -29,7 +29,7 @@ class Processes:
         self._stopped[name] = pid
         self._signal(name, pid, signal.SIGSTOP)
 
-    def go_on(self, name: str) -> None:
+    def resume(self, name: str) -> None:
         """Ends ``stop``. The supervisor may have replaced the process meanwhile."""
         pid = self._stopped.pop(name, None)
         if pid is not None:

@@ -122,7 +122,7 @@ class Life:
         self._hang_due_ns = due_ns
         self.events.push(until_ns, self.process.order, self._resume, due_ns, until_ns)
 
-    def go_on(self) -> None:
+    def resume(self) -> None:
         """Ends ``hang`` now."""
         now_ns = self.events.now_ns
         left_ns = self._hung_until_ns - now_ns
@@ -368,10 +368,10 @@ class Process:
             self.life.hang(round(duration_s * 1e9))
             self.change(LifeChange.HUNG)
 
-    def go_on(self) -> None:
+    def resume(self) -> None:
         """As SIGCONT before the duration of ``hang`` is over."""
         if self.life is not None and self.life.alive and self.life.hung:
-            self.life.go_on()
+            self.life.resume()
 
     def restart(self) -> None:
         """Kills the present life and starts a new one."""

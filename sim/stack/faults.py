@@ -241,10 +241,10 @@ class ScheduledProcesses:
         self._hung[name] = self.life(name)
         self._stack.scheduler.processes[name].hang(_LONGEST_HANG_S)
 
-    def go_on(self, name: str) -> None:
+    def resume(self, name: str) -> None:
         """Ends ``stop``. The supervisor may have replaced the process meanwhile."""
         if self._hung.pop(name, None) is self._stack.scheduler.processes[name].life:
-            self._stack.scheduler.processes[name].go_on()
+            self._stack.scheduler.processes[name].resume()
 
 
 @dataclass(frozen=True, slots=True)

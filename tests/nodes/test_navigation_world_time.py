@@ -26,11 +26,11 @@ class Held(RouteSolver):
 
     def __init__(self, solver: RouteSolver) -> None:
         self._solver = solver
-        self.begun, self.go_on = threading.Event(), threading.Event()
+        self.begun, self.resume = threading.Event(), threading.Event()
 
     def solve(self, question: RouteRequest, stop: CancelFlag) -> RouteResult:
         self.begun.set()
-        self.go_on.wait(60.0)
+        self.resume.wait(60.0)
         return self._solver.solve(question, stop)
 
 
@@ -58,12 +58,12 @@ def test_the_record_is_late_from_the_question_to_the_answer(ros_domain: int) -> 
         node.call_soon(ticked.set)
         assert ticked.wait(60.0)
         wait_for(lambda: records.due_s(NAME) < 100.01, "a record that is late still")
-        held.go_on.set()
+        held.resume.set()
         wait_for(lambda: records.due_s(NAME) > 103.01, "the node to be up to date")
         answer = wait_for(planner.take, "the answer")
         assert answer.route is not None
     finally:
-        held.go_on.set()
+        held.resume.set()
         executor.stop()
         thread.join(10.0)
         node.destroy_node()

@@ -21,11 +21,11 @@ def test_node_used_by_running_thread_is_not_destroyed(
     ros_domain: int, peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(tool_node, "_JOIN_S", 0.2)
-    taken, go_on = threading.Event(), threading.Event()
+    taken, resume = threading.Event(), threading.Event()
 
     def hold(_: Bool) -> None:
         taken.set()
-        go_on.wait(60.0)
+        resume.wait(60.0)
 
     held = ToolNode("held_up")
     subscription = held.node.create_subscription(interface_class(ROW.type), ROW.name, hold, qos_profile(ROW.qos))
@@ -38,7 +38,7 @@ def test_node_used_by_running_thread_is_not_destroyed(
         with subscription.handle:  # raises InvalidHandle after destruction
             pass
     finally:
-        go_on.set()
+        resume.set()
     wait_for(lambda: "held_up" not in [thread.name for thread in threading.enumerate()], "the thread's end")
     held.close()
     assert not held.executor.context.ok()

@@ -100,7 +100,7 @@ def mark(
 
 
 @compiled(error_model="numpy")
-def come(
+def appeared(
     state: Cells,
     since_s: Floats,
     found: Any,
@@ -118,7 +118,7 @@ def come(
     odom and z, 1 if the cell was free before and 0 if unseen, and the number of returns. Returns the number of cells.
     """
     rows, columns = state.shape
-    count, told = 0, np.zeros((rows, columns), np.int32)  # index of a cell in out, from 1, -1: not new
+    count, index = 0, np.zeros((rows, columns), np.int32)  # index of a cell in out, from 1, -1: not new
     for i in range(len(hits)):
         x, y = hits[i, 0], hits[i, 1]
         if not math.isfinite(x + y):
@@ -127,7 +127,7 @@ def come(
         column, row = math.floor(u / cell_m) - corner[0], math.floor(v / cell_m) - corner[1]
         if not (apart <= row < rows - apart and apart <= column < columns - apart):
             continue
-        k = told[row, column] - 1
+        k = index[row, column] - 1
         if k < -1:
             continue
         if k >= 0:
@@ -136,7 +136,7 @@ def come(
             out[k, 1] += (v - out[k, 1]) / out[k, 4]
             out[k, 2] += (hits[i, 2] - out[k, 2]) / out[k, 4]
             continue
-        told[row, column] = -1
+        index[row, column] = -1
         if state[row, column] != OCCUPIED or since_s[row, column] < after_s:  # the robot's own place, or it stands
             continue
         stands = False
@@ -147,7 +147,7 @@ def come(
             out[count, 0], out[count, 1], out[count, 2] = u, v, hits[i, 2]
             out[count, 3], out[count, 4] = 0.0 if found[row, column] else 1.0, 1.0
             count += 1
-            told[row, column] = count
+            index[row, column] = count
     return count
 
 

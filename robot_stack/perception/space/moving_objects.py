@@ -116,7 +116,7 @@ class Track:
 
 
 class MovingObjects:
-    """Call with new returns (``Space.come``) of every view of one sensor. Stamps in s, one clock, odom."""
+    """Call with new returns (``Space.appeared``) of every view of one sensor. Stamps in s, one clock, odom."""
 
     def __init__(self, params: MovingObjectParams) -> None:
         self._params = params
@@ -129,10 +129,10 @@ class MovingObjects:
         self,
         points: Floats,
         stamp_s: float,
-        would_see: Callable[[float, float, float], bool],
+        is_visible: Callable[[float, float, float], bool],
         seen_at_s: Callable[[float, float], float] | None = None,
     ) -> list[tuple[Floats, float, float]]:
-        """points: (n, 5) from ``Space.come``. would_see: whether rays pass at a place in odom, x, y, below a height.
+        """points: (n, 5) from ``Space.appeared``. is_visible: whether rays pass at x, y in odom below a height.
         seen_at_s: when the sensor last looked at a place in odom; None: at the stamp.
 
         Returns objects that disappeared into unobserved space: (n, 3) points at their last place, vx, vy."""
@@ -142,7 +142,7 @@ class MovingObjects:
             missed_s, dt = stamp_s - track.seen_s, stamp_s - track.at_s
             gone = False
             if missed_s > p.missed_s:
-                gone = all(would_see(*place) for place in track.places(dt))
+                gone = all(is_visible(*place) for place in track.places(dt))
                 if gone and not track.hid:
                     continue  # stopped, or moved elsewhere
                 track.hid = True
@@ -159,7 +159,7 @@ class MovingObjects:
                 nearest.seen_s, nearest.hid = body_s, False
                 before, count = nearest.count, float(body[:, 4].sum())
                 nearest.count = max(0.9 * before, count)
-                if nearest.moves and self._goes_out_of_sight(nearest, body, would_see):
+                if nearest.moves and self._goes_out_of_sight(nearest, body, is_visible):
                     rear_m, front_m = nearest.ends_m(body)
                     if front_m >= min(rear_m, 0.0):  # else it gets hidden, and keeps its velocity
                         self._follow_one_end(nearest, body)
@@ -260,11 +260,11 @@ class MovingObjects:
         track.correct(*track.by_one_end(body), 0.5 * self._params.link_m)
         track.moves = track.speed_mps >= self._params.slowest_mps
 
-    def _goes_out_of_sight(self, track: Track, body: Floats, would_see: Callable[[float, float, float], bool]) -> bool:
+    def _goes_out_of_sight(self, track: Track, body: Floats, is_visible: Callable[[float, float, float], bool]) -> bool:
         """True if its front would be hidden a little farther on: then the observed front does not move with it."""
         front = int(np.argmax(body[:, :2] @ track.course))
         x, y = body[front, :2] + self._params.link_m * track.course
-        return not would_see(float(x), float(y), float(body[:, 2].max()))
+        return not is_visible(float(x), float(y), float(body[:, 2].max()))
 
     def _bodies(self, points: Floats) -> list[Floats]:
         p = self._params

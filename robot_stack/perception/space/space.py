@@ -147,16 +147,16 @@ class Space:
         count = kernels.remembered(*cells, _array(pose), before_s, self._points)
         return self._points[:count].copy()
 
-    def come(self, view: View, pose: Pose2) -> Floats:
+    def appeared(self, view: View, pose: Pose2) -> Floats:
         """(n, 5) of each newly occupied cell without an older obstacle right beside it, the mean return:
         x, y in odom, z, 1 if it was free and 0 if unseen, number of returns. Call ``observe`` first."""
         p = self._params
         hits, out = np.ascontiguousarray(view.hits, np.float32), np.empty((len(view.hits), 5))
         cells = (self._state, self._since_s, self._found, self._corner, p.cell_m)
         apart, after_s = round(p.moving_objects.apart_m / p.cell_m), self._newest_s - p.moving_objects.new_s
-        return out[: kernels.come(*cells, _array(pose), hits, apart, after_s, out)]
+        return out[: kernels.appeared(*cells, _array(pose), hits, apart, after_s, out)]
 
-    def would_see(self, x_m: float, y_m: float, top_m: float) -> bool:
+    def is_visible(self, x_m: float, y_m: float, top_m: float) -> bool:
         """True if rays at that place in odom are low enough to detect an object of height ``top_m``."""
         cell_m, count = self._params.cell_m, len(self._state)
         column, row = math.floor(x_m / cell_m) - self._corner[0], math.floor(y_m / cell_m) - self._corner[1]
@@ -165,7 +165,7 @@ class Space:
             return False
         return bool(self._ray_m[row, column] <= self._shows_m(top_m))
 
-    def go_on(self, body: Floats, vx_mps: float, vy_mps: float, pose: Pose2) -> None:
+    def mark_hidden_body(self, body: Floats, vx_mps: float, vy_mps: float, pose: Pose2) -> None:
         """Marks where a moving object, last observed as ``body``, (n, 3) x, y in odom, z, may have gone as occupied.
 
         That is along its course, up to the robot, or to where it would be observed again."""
@@ -183,7 +183,7 @@ class Space:
             u, v = c * dx + s * dy, c * dy - s * dx
             if ((u >= rear) & (u <= front) & (np.abs(v) <= half)).any():
                 break
-            if not self.would_see(middle[0] + after_s * vx_mps, middle[1] + after_s * vy_mps, top_m):
+            if not self.is_visible(middle[0] + after_s * vx_mps, middle[1] + after_s * vy_mps, top_m):
                 at, hidden = on, True
             elif hidden:
                 break

@@ -62,10 +62,6 @@ def test_result_can_be_written_as_json() -> None:
     assert {"cpu", "cores", "python", "versions", "commit", "load_average_before", "date"} <= set(conditions)
 
 
-def test_a_plain_pair_is_a_result_too() -> None:
-    assert framework.run(benchmark(lambda: ({"a": 1.0}, {"b": 2})), {})["figures"] == {"a": 1.0}
-
-
 def test_unknown_option_is_refused_before_anything_runs() -> None:
     with pytest.raises(BenchError, match="has no option speed; options: runs=3"):
         framework.run(benchmark(lambda runs=3: pytest.fail("ran")), {"speed": 1})

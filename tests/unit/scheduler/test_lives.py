@@ -185,9 +185,9 @@ def test_a_hang_can_be_ended_before_its_time() -> None:
         process = stage.node("node", counter(topic))
         taken = stage.listener(topic)
         stage.scheduler.at(305_000_000, process.hang, 3600.0)
-        stage.scheduler.at(350_000_000, process.go_on)
+        stage.scheduler.at(350_000_000, process.resume)
         stage.scheduler.run(0.44)
-        process.go_on()  # not hung: no effect
+        process.resume()  # not hung: no effect
     assert [count for _, count in taken] == [2, 3, 4]
     assert taken[1][0] == 354.0  # immediately after it resumes
     assert changes.seen[-2:] == [(305, "node", LifeChange.HUNG), (350, "node", LifeChange.RESUMED)]

@@ -59,7 +59,7 @@ class FakeProcesses:
     def stop(self, name: str) -> None:
         self.done.append(f"stop {name}")
 
-    def go_on(self, name: str) -> None:
+    def resume(self, name: str) -> None:
         self.done.append(f"go on {name}")
 
 

@@ -87,10 +87,10 @@ class TestProcesses:
         processes.stop("other")
         assert not processes.takes_part("other")
         wait_for(lambda: _state(process.pid) == "T", "the process to stand still")
-        processes.go_on("other")
+        processes.resume("other")
         wait_for(lambda: _state(process.pid) != "T", "the process to go on")
         assert processes.takes_part("other")
-        processes.go_on("other")
+        processes.resume("other")
 
     def test_ended_process_does_not_take_part_even_if_not_reaped(self, process: subprocess.Popen[str]) -> None:
         processes = Processes()

@@ -258,7 +258,7 @@ def come(scanner: Scanner, *walls: tuple[float, float, float]) -> int:
     scanner.now_s += LOOK_S
     view = scanner.view(*walls)
     scanner.space.observe(view, IDENTITY)
-    return int(scanner.space.come(view, IDENTITY)[:, 3].sum())
+    return int(scanner.space.appeared(view, IDENTITY)[:, 3].sum())
 
 
 NEAR, FAR = (-3.0, 3.0, 1.52), (-3.0, 3.0, 1.72)
@@ -281,36 +281,36 @@ def test_lost_person_is_remembered_only_in_hidden_area() -> None:
     someone = np.array([[SEEN[0], SEEN[1], 1.2]])
     scanner = Scanner().look(NEAR)
     behind = (2.62, 0.02)  # in the shadow of the wall
-    scanner.space.go_on(np.array([[2.22, 0.02, 1.2]]), 0.4 / P.coast_s, 0.0, IDENTITY)
+    scanner.space.mark_hidden_body(np.array([[2.22, 0.02, 1.2]]), 0.4 / P.coast_s, 0.0, IDENTITY)
     assert scanner.at(*behind) == OCCUPIED
     scanner.look(times=PARAMS.passes)
     assert scanner.at(*behind) == FREE
-    scanner.space.go_on(someone, -0.4 / P.coast_s, 0.0, IDENTITY)
+    scanner.space.mark_hidden_body(someone, -0.4 / P.coast_s, 0.0, IDENTITY)
     assert scanner.at(SEEN[0] - 0.4, SEEN[1]) == FREE  # in view: a person there would be visible
     blind = Scanner()
     blind.look(vouch=False)
-    blind.space.go_on(np.array([[1.2, 0.0, 1.2]]), -3.0, 0.0, IDENTITY)
+    blind.space.mark_hidden_body(np.array([[1.2, 0.0, 1.2]]), -3.0, 0.0, IDENTITY)
     found = blind.remembered()
     assert len(found) == 0 or found[:, 0].min() > 0.5  # never inside the robot
 
 
 def test_visibility_requires_object_above_lowest_ray_and_outside_robot() -> None:
     scanner = Scanner(HIGH).look(vouch=True)
-    assert not scanner.space.would_see(*SEEN, 1.7)  # a child fits below rays at 1.2 m
+    assert not scanner.space.is_visible(*SEEN, 1.7)  # a child fits below rays at 1.2 m
     scanner.origin_m = (0.45, 0.0, 0.40)
     scanner.look()
-    assert scanner.space.would_see(*SEEN, 1.7)
-    assert scanner.space.would_see(*SEEN, 0.5)
-    assert not scanner.space.would_see(*SEEN, 0.25)
-    assert not scanner.space.would_see(0.3, 0.0, 1.7)
-    assert not scanner.space.would_see(-2.0, 0.0, 1.7)
+    assert scanner.space.is_visible(*SEEN, 1.7)
+    assert scanner.space.is_visible(*SEEN, 0.5)
+    assert not scanner.space.is_visible(*SEEN, 0.25)
+    assert not scanner.space.is_visible(0.3, 0.0, 1.7)
+    assert not scanner.space.is_visible(-2.0, 0.0, 1.7)
     scanner.origin_m = LOW
     scanner.look()
     scanner.origin_m = (0.45, 0.0, 0.40)
     scanner.look()
-    assert scanner.space.would_see(*SEEN, 0.25)  # covered by a lower ray just now
+    assert scanner.space.is_visible(*SEEN, 0.25)  # covered by a lower ray just now
     scanner.look(times=round(PARAMS.fade_s / LOOK_S))
-    assert not scanner.space.would_see(*SEEN, 0.25)
+    assert not scanner.space.is_visible(*SEEN, 0.25)
 
 
 def test_a_child_that_walks_up_is_known_to_come_and_walls_stay_where_they_are() -> None:
