@@ -36,7 +36,8 @@ class Overhead:
         self._view = SensorView(
             robot, params, frames.OVERHEAD_LIDAR, (sensor.min_m, min(sensor.max_m, wide_m)), robot.mast
         )
-        self._views = self._view.views(wide_m, min(near_m, params.space.reach_m))
+        self._near_reach_m = min(near_m, params.space.reach_m)
+        self._views = self._view.views(wide_m, self._near_reach_m)
         spacing_rad = (sensor.ring_spacing_rad, math.radians(sensor.span_deg) / sensor.columns)
         self._chair_edges = ChairEdges(self._view.mount, self._view.turned, self._view.cut[True][-1], spacing_rad)
         self._crowd = crowd_of(sensor, params.obstacles, 0.5 * params.fast_bodies.size_m)
@@ -66,6 +67,10 @@ class Overhead:
         if chair:
             look = self._chair_edges.without(look)
         return replace(look, specks=found, looked_s=self._view.looked_s(points))
+
+    def near(self, look: View) -> View:
+        """A view for the first grid: beyond ``range_m`` returns are too sparse to follow a body of walking speed."""
+        return look.within(self._params.overhead.range_m, self._near_reach_m)
 
     def at(self, stamp_s: float) -> Float:
         """(k, 3) base_link at the stamp; none from a frame that is older than ``keep_s``."""

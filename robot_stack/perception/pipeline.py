@@ -97,7 +97,7 @@ class Pipeline:
         """A frame of the overhead LiDAR: adds its obstacles to the next scenes and its rays to the space model."""
         if self._overhead is not None:
             look = self._overhead.take(points, stamp_s, self.chair)
-            self._observe(look, self.motion.pose_at(stamp_s), self._overhead_trackers)
+            self._observe(self._overhead.near(look), look, self.motion.pose_at(stamp_s), self._overhead_trackers)
 
     def scene(self, points: Points, stamp_s: float, obstructed: NDArray[np.bool_] | None = None) -> Scene:
         """Obstacles of the points and of the model of the space, which every sweep updates.
@@ -122,7 +122,7 @@ class Pipeline:
         if self.chair:
             look = self._chair_edges.without(look)
         look = replace(look, specks=specks, looked_s=self._view.looked_s(points))
-        self._observe(look, pose, self._trackers)
+        self._observe(look, look, pose, self._trackers)
         known = self.space.remembered(pose, stamp_s - self._params.output.keep_s)
         shown = self._with_other_half(fresh, seen.profile, stamp_s)
         obstacles = np.concatenate([shown, self._from_above(stamp_s), known, close, self._falls(pose)])
@@ -135,8 +135,10 @@ class Pipeline:
         known = self.space.grid()
         return replace(known, state=np.where(self.footing.drop, OCCUPIED, known.state))
 
-    def _observe(self, look: View, pose: Pose2, trackers: Trackers) -> None:
-        """trackers: those of the same sensor. A lost fast body is not stored: it is predicted for ``coast_s``."""
+    def _observe(self, look: View, wide_look: View, pose: Pose2, trackers: Trackers) -> None:
+        """wide_look: for the grid of fast bodies. trackers: those of the same sensor. A lost fast body is not stored:
+        it is predicted for ``coast_s``.
+        """
         self.space.chair(self.chair)
         self.space.observe(look, pose)
         own = self._robot.footprint_with_chair if self.chair else self._robot.footprint
@@ -147,8 +149,9 @@ class Pipeline:
             self.space.mark_hidden_body(body, vx_mps, vy_mps, pose)
         wide = self._wide_space
         wide.chair(self.chair)
-        wide.observe(look, pose)
-        trackers.fast.look(wide.appeared(look, pose), look.stamp_s, wide.is_visible, partial(look.seen_at_s, pose))
+        wide.observe(wide_look, pose)
+        appeared = wide.appeared(wide_look, pose)
+        trackers.fast.look(appeared, look.stamp_s, wide.is_visible, partial(wide_look.seen_at_s, pose))
 
     def points(self, points: Points, stamp_s: float) -> tuple[Float, int]:
         """Cropped and de-skewed: (n, 3) base_link at the stamp, and how many points were not finite."""

@@ -8,7 +8,7 @@ near, black or of glass return nothing either.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -64,6 +64,14 @@ class View:
         place = Pose2(x_m, y_m, 0.0).relative_to(pose)
         x, y = place.x - self.origin_m[0], place.y - self.origin_m[1]
         return self.stamp_s + float(self.looked_s[direction_of(x, y, len(self.looked_s))])
+
+    def within(self, range_m: float, reach_m: float) -> View:
+        """Without returns farther than ``range_m`` from base_link and rays farther than ``reach_m`` from the sensor."""
+        hits, specks = (rows[np.hypot(rows[:, 0], rows[:, 1]) <= range_m] for rows in (self.hits, self.specks))
+        bins = math.ceil(reach_m / BIN_M)
+        passed_m, ground_m = (np.ascontiguousarray(rows[:, :bins]) for rows in (self.passed_m, self.ground_m))
+        bare = np.ascontiguousarray(self.bare[:, :bins])
+        return replace(self, hits=hits, specks=specks, passed_m=passed_m, ground_m=ground_m, bare=bare)
 
 
 def direction_of(x: Any, y: Any, directions: int) -> Any:
