@@ -128,6 +128,20 @@ def test_a_person_before_the_passenger_is_seen(
     assert near(seen(points, robot, params, chair=True), ahead_m, aside_m) > 50
 
 
+def test_only_the_view_for_fast_bodies_has_returns_from_afar(robot: Robot, params: PerceptionParams) -> None:
+    """Sparse returns of a cart 6 m ahead seemed to move towards the path and stopped the robot."""
+    motion = Motion(params.deskew)
+    odometry(motion)
+    overhead = Overhead(robot, params, motion)
+    wide = overhead.take(frame(people=[Pose2(7.0, 0.0, 0.0), Pose2(2.5, 1.0, 0.0)]), 0.0, False)
+    first = overhead.near(wide)
+    assert near(wide.hits, 7.0, 0.0) > 10
+    assert near(first.hits, 7.0, 0.0) == 0
+    assert near(first.hits, 2.5, 1.0) == near(wide.hits, 2.5, 1.0) > 10
+    assert np.hypot(first.hits[:, 0], first.hits[:, 1]).max() <= params.overhead.range_m
+    assert first.passed_m.shape == first.ground_m.shape == first.bare.shape < wide.passed_m.shape
+
+
 @pytest.mark.parametrize("front_m", [2.0, 2.5, 2.7])
 @pytest.mark.parametrize("length_m", [0.5, 0.9, 1.4])
 def test_low_box_in_the_shadow_of_the_chair_is_an_obstacle(
