@@ -115,10 +115,10 @@ def test_coverage_thresholds_equal_perception_parameters() -> None:
 
 
 def test_coverage_figures_meet_their_aims() -> None:
-    figures, conditions = bench.run()
+    result = bench.run()
     for name, aim in bench.AIMS.items():
-        assert aim.met(figures[name]), f"{name}: {figures[name]:.2f}"
-    assert set(conditions["sensors"]) == set(load_robot().range_sensors)  # type: ignore[call-overload]
+        assert aim.met(result.figures[name]), f"{name}: {result.figures[name]:.2f}"
+    assert set(result.conditions["sensors"]) == set(load_robot().range_sensors)  # type: ignore[call-overload]
 
 
 def test_the_lidar_alone_does_not_see_past_the_passenger() -> None:
