@@ -133,6 +133,10 @@ def navigator(ros_domain: int) -> Iterator[Navigator]:
 
 def test_a_client_written_for_nav2_drives_the_robot(start: Start, peer: Peer, navigator: Navigator) -> None:
     process, robot = start("navigation_controller", *BLIND), Robot(peer)
+    # Before it knows its pose there is no plan, and feedback has no distance.
+    peer.listen(topics.HEARTBEAT).wait(
+        lambda beat: beat.node == "navigation_controller" and beat.ready, "a controller that knows its pose"
+    )
 
     status, result = navigator.result(navigator.go_to_pose(1.0, 0.5))
     assert (status, result) == (GoalStatus.STATUS_SUCCEEDED, NavigateToPose.Result())
