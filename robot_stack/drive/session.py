@@ -22,7 +22,9 @@ from robot_stack.wmx.device_opener import DeviceOpener, OpenEngine, PromptOpener
 from robot_stack.wmx.session import Applied, EngineSession, Patience
 from robot_stack.wmx.start_up import Machine, Missing, SessionState, Stage, StartUp
 
-_MODES = [AxisCommandMode.Velocity if axis in DRIVE_AXES else AxisCommandMode.Position for axis in range(len(JOINTS))]
+_MODES = {
+    axis: AxisCommandMode.Velocity if axis in DRIVE_AXES else AxisCommandMode.Position for axis in range(len(JOINTS))
+}
 
 # Requests, as refusals name them.
 _ESTOP, _RELEASE, _STEERING, _DRIVING = "emergency stop", "release", "steering", "driving"

@@ -46,7 +46,7 @@ class SessionState:
 
 @dataclass(frozen=True, slots=True)
 class Machine:
-    """Axes that start together. names: by their numbers, used in reports. modes: command modes, one per axis.
+    """Axes that start together. names, used in reports, and command modes: by the numbers of the axes.
 
     parameter_file: the engine's parameter XML, empty for none. communication_retry_s, request_pause_s: between
     repetitions of an unfulfilled request. restarts: after the loss of the bus the servos are switched on again;
@@ -54,7 +54,7 @@ class Machine:
     """
 
     names: Mapping[int, str]
-    modes: Sequence[AxisCommandMode]
+    modes: Mapping[int, AxisCommandMode]
     communication_retry_s: float
     request_pause_s: float
     parameter_file: str = ""
@@ -202,11 +202,10 @@ class StartUp:
 
     def wrong_modes(self, snapshot: StatusSnapshot) -> list[int]:
         """The axes that are not in their command mode."""
-        machine = self._machine
-        return [a for a, mode in zip(machine.names, machine.modes, strict=True) if snapshot.command_mode[a] != mode]
+        return [axis for axis, mode in self._machine.modes.items() if snapshot.command_mode[axis] != mode]
 
     def _set_modes(self, snapshot: StatusSnapshot) -> bool:
-        modes = dict(zip(self._machine.names, self._machine.modes, strict=True))
+        modes = self._machine.modes
 
         def set_mode(axis: int) -> bool:
             return self._session.ask(

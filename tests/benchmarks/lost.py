@@ -16,7 +16,7 @@ from robot_stack.localization.ndt.gate import Confidence
 from robot_stack.safety.params import SafetyParams
 from sim.worldfile import Box, Floor, Place, Route, WorldFile
 from tests.benchmarks.support.framework import Aim, Result
-from tests.benchmarks.support.lidar_ride import Fix, LidarRide, RouteFollower
+from tests.benchmarks.support.lidar_ride import Fix, LidarRide, RouteFollower, way_m
 from tests.benchmarks.support.site_map import cells_at_true_poses
 
 AIMS = {
@@ -34,7 +34,7 @@ def run(apron_m: float = 24.0, speed_mps: float = 1.2, seed: int = 1) -> Result:
     figures = {
         "stops": float(ride.stops()),
         "error_at_end_m": max((fix.error_m for fix in ride.blind()), default=math.nan),
-        "blind_way_m": _way_m(ride.blind()),
+        "blind_way_m": way_m(ride.blind()),
         "quality_min": min(fix.quality for fix in ride.fixes),
         "error_over_sigma_max": max((fix.error_m / fix.sigma_m for fix in ride.blind()), default=math.nan),
         "error_after_m": ride.fixes[-1].error_m,
@@ -117,7 +117,3 @@ def _world(apron_m: float, start: Pose2) -> WorldFile:
             "east": Route(half_width_m=1.0, points_m=[(far_m - 30.0, 0.0), (far_m - 5.0, 0.0)]),
         },
     )
-
-
-def _way_m(fixes: list[Fix]) -> float:
-    return sum(a.truth.distance_to(b.truth) for a, b in itertools.pairwise(fixes))

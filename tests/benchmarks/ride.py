@@ -15,7 +15,7 @@ from robot_stack.localization.ndt.gate import Confidence
 from sim.plant.world import Setup
 from sim.worldfile import WorldFile, load_world
 from tests.benchmarks.support.framework import Aim, BenchError, Result
-from tests.benchmarks.support.lidar_ride import Fix, RouteFollower
+from tests.benchmarks.support.lidar_ride import Fix, RouteFollower, way_m
 from tests.benchmarks.support.lidar_stack import LidarStack
 from tests.benchmarks.support.site_changes import changed_world, walkers
 from tests.benchmarks.support.site_map import site_cells
@@ -75,7 +75,7 @@ def _drive(stack: LidarStack, world: WorldFile, length_m: float, speed_mps: floa
     if not names:
         raise BenchError("the world has no routes that begin and end where the robot starts")
     count = 0
-    while _length_m(stack.fixes[begin:]) < length_m:
+    while way_m(stack.fixes[begin:]) < length_m:
         points = world.routes[names[count % len(names)]].points_m
         follower = stack.follower = RouteFollower(points, speed_mps)
         limit_s = _LEG_LIMIT_FACTOR * sum(math.dist(a, b) for a, b in itertools.pairwise(points))
@@ -83,10 +83,6 @@ def _drive(stack: LidarStack, world: WorldFile, length_m: float, speed_mps: floa
             raise BenchError(f"route {names[count % len(names)]} not finished; robot at {stack.truth()[0]}")
         count += 1
     return stack.fixes[begin:]
-
-
-def _length_m(fixes: list[Fix]) -> float:
-    return sum(a.truth.distance_to(b.truth) for a, b in itertools.pairwise(fixes))
 
 
 class _Errors:

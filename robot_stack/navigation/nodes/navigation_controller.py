@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
 
@@ -57,7 +58,7 @@ class NavigationControllerNode(StackNode):
         self._problems = {topics.ODOM.name: "", topics.CURRENT_POSE.name: "", topics.LOCAL_COSTMAP.name: ""}
         self._outputs = NavigationOutputs(self, self.params.people.sightings)
         self._goals = NavigationGoals(self, self._begin)
-        self._feedback = PoseStamped(), ZERO_TWIST
+        self._last_located: tuple[Located, Time] | None = None
         self._ticks = 0
         self.subscribe(topics.ODOM, self._on_odometry)
         self.subscribe(topics.CURRENT_POSE, self._on_pose)
@@ -161,10 +162,15 @@ class NavigationControllerNode(StackNode):
     def _publish_feedback(self, located: Located | None) -> None:
         """Also while the pose is unknown, with the last one: the feedback shows that the goal is not lost."""
         if located is not None:
-            self._feedback = pose_stamped(located.pose, frames.MAP, self.stamp()), located.twist
+            self._last_located = located, self.stamp()
         self._ticks += 1
-        if self._ticks % _TICKS_PER_FEEDBACK == 0:
-            self._goals.publish_feedback(*self._feedback, self.controller.remaining_m, self.controller.recoveries)
+        if self._ticks % _TICKS_PER_FEEDBACK or not self._goals.active:
+            return
+        pose, twist = PoseStamped(), ZERO_TWIST
+        if self._last_located is not None:
+            last, stamp = self._last_located
+            pose, twist = pose_stamped(last.pose, frames.MAP, stamp), last.twist
+        self._goals.publish_feedback(pose, twist, self.controller.remaining_m, self.controller.recoveries)
 
     def _report_state(self, output: Output, missing: str) -> None:
         self._outputs.status(output.text)

@@ -33,6 +33,11 @@ class NavigationGoals:
     def cancel_requested(self) -> bool:
         return self._goal is not None and self._goal.is_cancel_requested
 
+    @property
+    def active(self) -> bool:
+        """A goal with a handle is under way."""
+        return self._goal is not None and self._goal.is_active
+
     def _on_goal(self, goal: ActionGoal) -> None:
         """A goal that asks for a behaviour tree is aborted, as in Nav2 one whose file does not exist."""
         if goal.request.behavior_tree:
@@ -58,12 +63,11 @@ class NavigationGoals:
             goal.abort(_result(end))
 
     def publish_feedback(self, pose: PoseStamped, twist: Twist2, remaining_m: float, recoveries: int) -> None:
-        """pose: the robot's, in map. remaining_m: along the plan."""
-        goal, speed = self._goal, twist.speed()
-        if goal is None or not goal.is_active:
-            return
+        """Only while ``active``. pose: the robot's, in map. remaining_m: along the plan."""
+        assert self._goal is not None
+        speed = twist.speed()
         known = speed > _SLOWEST_MPS and remaining_m > _NEAREST_M
-        goal.publish_feedback(
+        self._goal.publish_feedback(
             NavigateToPose.Feedback(
                 current_pose=pose,
                 navigation_time=duration_from_s(max(0.0, self._node.now_s() - self._begun_s)),

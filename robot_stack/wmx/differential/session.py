@@ -41,7 +41,7 @@ class WheelSession:
         self._selection = AxisSelection.of(*settings.axes)
         machine = Machine(
             dict(zip(settings.axes, _WHEELS, strict=True)),
-            (AxisCommandMode.Velocity, AxisCommandMode.Velocity),
+            dict.fromkeys(settings.axes, AxisCommandMode.Velocity),
             settings.communication_retry_s,
             settings.request_pause_s,
             settings.parameter_file,

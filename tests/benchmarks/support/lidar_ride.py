@@ -6,6 +6,7 @@ estimate with ground truth at its stamp.
 
 from __future__ import annotations
 
+import itertools
 import math
 import tempfile
 from collections import deque
@@ -55,6 +56,11 @@ class Fix:
     @property
     def error_m(self) -> float:
         return math.inf if self.pose is None else self.pose.distance_to(self.truth)
+
+
+def way_m(fixes: Sequence[Fix]) -> float:
+    """Length of the true way."""
+    return sum(a.truth.distance_to(b.truth) for a, b in itertools.pairwise(fixes))
 
 
 class LidarRide(FewNodes):

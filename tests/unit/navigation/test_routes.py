@@ -248,63 +248,63 @@ def test_the_end_stops_a_search_and_the_worker(big: RouteSolver, worker: Stepped
 
 
 def test_a_goal_behind_a_wall_of_the_map_is_refused_once_and_not_planned_again() -> None:
-    told, routes = story(divided(), late=3)
-    assert told.go(GOAL) == ""
-    output = told.until(ended, 0.5)
+    driven, routes = story(divided(), late=3)
+    assert driven.go(GOAL) == ""
+    output = driven.until(ended, 0.5)
     text = "goal refused: no path from (2.0, 5.0) to (13.0, 5.0)"
     assert output.end == GoalEnd(Outcome.ABORTED, text, GoalCode.NO_VALID_PATH)
     assert output.text == text
     assert (output.state, output.twist) == (NavigationState.IDLE, ZERO_TWIST)
-    assert told.controller.goal is None
-    assert told.controller.path is None
-    assert told.tick().end is None
+    assert driven.controller.goal is None
+    assert driven.controller.path is None
+    assert driven.tick().end is None
     for _ in range(5):  # as a mission manager repeats its goal
-        assert told.go(GOAL) == "no path from (2.0, 5.0) to (13.0, 5.0)"
-        assert told.tick().text == output.text
+        assert driven.go(GOAL) == "no path from (2.0, 5.0) to (13.0, 5.0)"
+        assert driven.tick().text == output.text
     assert len(routes.questions) == 1
-    assert told.go(Pose2(6.0, 5.0, 0.0)) == ""
-    told.until(reached)
+    assert driven.go(Pose2(6.0, 5.0, 0.0)) == ""
+    driven.until(reached)
 
 
 def test_a_goal_that_turns_out_to_be_unreachable_stops_a_moving_robot_smoothly() -> None:
-    told, _ = story(divided(), late=4)
-    told.go(Pose2(6.5, 5.0, 0.0))
-    told.until(lambda output: output.twist.speed() > 0.8)
-    told.go(GOAL)
-    told.until(ended, 1.0)
-    told.until(lambda output: output.state is NavigationState.IDLE, 5.0)
-    assert told.drive.pose.x < 7.0
-    speeds = [output.twist.speed() for output in told.outputs[-60:]]
+    driven, _ = story(divided(), late=4)
+    driven.go(Pose2(6.5, 5.0, 0.0))
+    driven.until(lambda output: output.twist.speed() > 0.8)
+    driven.go(GOAL)
+    driven.until(ended, 1.0)
+    driven.until(lambda output: output.state is NavigationState.IDLE, 5.0)
+    assert driven.drive.pose.x < 7.0
+    speeds = [output.twist.speed() for output in driven.outputs[-60:]]
     assert max(before - after for before, after in pairwise(speeds)) < 0.12
 
 
 def test_another_goal_while_a_route_is_planned_wins() -> None:
-    told, routes = story(divided(slice(70, 90)), late=5)
-    told.go(GOAL)
-    told.tick()
-    assert told.outputs[-1].text == "planning a route"
-    told.go(Pose2(4.0, 5.0, 0.0))
-    told.until(reached)
-    assert told.drive.pose.distance_to(Pose2(4.0, 5.0, 0.0)) < 0.04
-    assert max(pose.x for pose in told.poses) < 4.5
+    driven, routes = story(divided(slice(70, 90)), late=5)
+    driven.go(GOAL)
+    driven.tick()
+    assert driven.outputs[-1].text == "planning a route"
+    driven.go(Pose2(4.0, 5.0, 0.0))
+    driven.until(reached)
+    assert driven.drive.pose.distance_to(Pose2(4.0, 5.0, 0.0)) < 0.04
+    assert max(pose.x for pose in driven.poses) < 4.5
     assert routes.questions[0].goal == GOAL
 
 
 def test_goal_cancelled_during_planning_causes_no_motion() -> None:
-    told, _ = story(divided(slice(70, 90)), late=5)
-    told.go(GOAL)
-    told.tick()
-    told.controller.stop()
+    driven, _ = story(divided(slice(70, 90)), late=5)
+    driven.go(GOAL)
+    driven.tick()
+    driven.controller.stop()
     for _ in range(10):
-        assert told.tick().twist == ZERO_TWIST
-    assert told.controller.goal is None
+        assert driven.tick().twist == ZERO_TWIST
+    assert driven.controller.goal is None
 
 
 def test_a_late_planner_is_waited_for_and_the_robot_arrives() -> None:
-    told, _ = story(divided(slice(40, 60)), late=8, paint=box(5.0, 5.6, 4.6, 5.4))
-    told.go(GOAL)
-    told.until(reached)
-    assert min(told.clearances) > 0.15
+    driven, _ = story(divided(slice(40, 60)), late=8, paint=box(5.0, 5.6, 4.6, 5.4))
+    driven.go(GOAL)
+    driven.until(reached)
+    assert min(driven.clearances) > 0.15
 
 
 def test_blocked_route_is_replanned_only_after_a_change() -> None:
@@ -314,16 +314,16 @@ def test_blocked_route_is_replanned_only_after_a_change() -> None:
         gate = (abs(x - 8.05) < 0.06) & (now_s < 17.0)
         return gate | ((np.hypot(x - 4.0, y - 8.0) < 0.3) & (now_s > 14.0))
 
-    told, routes = story(divided(slice(40, 60)), paint=shut)
-    told.go(GOAL)
-    while told.now_s < 13.9:
-        told.tick()
+    driven, routes = story(divided(slice(40, 60)), paint=shut)
+    driven.go(GOAL)
+    while driven.now_s < 13.9:
+        driven.tick()
     asked = len(routes.questions)
-    assert told.outputs[-1].text.startswith("waiting: the only path is blocked")
-    while told.now_s < 16.9:
-        told.tick()
+    assert driven.outputs[-1].text.startswith("waiting: the only path is blocked")
+    while driven.now_s < 16.9:
+        driven.tick()
     assert len(routes.questions) == asked + 1
-    told.until(reached)
+    driven.until(reached)
 
 
 def test_prompt_planner_discards_dropped_requests() -> None:

@@ -87,9 +87,9 @@ def test_the_demo_starts_where_localization_is_wrong() -> None:
     scenario, name = choose_scenario("demo", seed=3)
     assert (scenario.mission, scenario.world, scenario.seed, name) == ("site_transport", "yard", 3, "demo")
     assert scenario.estimated_start is not None
-    believed, start = scenario.estimated_start.pose(), scenario.start_pose()
-    assert believed.distance_to(start) == pytest.approx(1.0)
-    assert math.degrees(believed.yaw - start.yaw) == pytest.approx(10.0)
+    estimated, start = scenario.estimated_start.pose(), scenario.start_pose()
+    assert estimated.distance_to(start) == pytest.approx(1.0)
+    assert math.degrees(estimated.yaw - start.yaw) == pytest.approx(10.0)
     assert choose_scenario("demo:short")[0].start_pose().distance_to(SHORT_START) == pytest.approx(0.0)
 
 
