@@ -222,14 +222,14 @@ def _settle(observer: Any) -> None:
 
 
 def _report(options: argparse.Namespace, mission: Mission, folder: Path, ride: Ride, outcome: Any) -> int:
-    carried = carriage(ride, _dock_pose(mission), _destination(mission))
+    found, carried = evaluate(mission, ride)
     result = Result(
         mission=mission.name_in("en"),
         world=options.world,
         seed=options.seed,
         state=outcome.state,
         reason=outcome.reason,
-        figures=figures(ride, mission.waypoints[-1].pose),
+        figures=found,
         carried=carried,
         arrivals=arrivals(ride.steps),
         stops=stops(ride, MOVING_MPS, _STOP_S),
@@ -254,6 +254,11 @@ def _report(options: argparse.Namespace, mission: Mission, folder: Path, ride: R
         print(f"  no film: {missing}")
     print(f"all of it on one page: {page.as_uri()}")
     return 0 if arrived else 1
+
+
+def evaluate(mission: Mission, ride: Ride) -> tuple[Figures, Carriage | None]:
+    """The figures of a ride of ``mission``, and of its wheelchair, if there is one."""
+    return figures(ride, mission.waypoints[-1].pose), carriage(ride, _dock_pose(mission), _destination(mission))
 
 
 def _plot(world: str, mission: Mission, folder: Path, ride: Ride, result: Result) -> None:
