@@ -54,7 +54,6 @@ class BoardRide(RecordedDrive):
         drawn = draw_camera(FRONT_CAMERA, calibrated, mounting(self.robot, FRONT_CAMERA), params, random)
         self.camera = camera or drawn
         self._renderer = Renderer(self.camera, docks, params, random, build_scenery(solids(world), docks))
-        self.every(_RATE_HZ, self._expose)
 
     @property
     def places(self) -> int:
@@ -66,14 +65,16 @@ class BoardRide(RecordedDrive):
         at_s = self.time_s - self._start_s
         if at_s < 0.0 or at_s % (_MOVE_S + _STAND_S) > _MOVE_S or self.places >= _PLACES:
             return Twist2(0.0, 0.0, 0.0)
-        error = self._middle.compose(_place(self.places)).relative_to(self.truth()[0])
+        error = self._middle.compose(_place(self.places)).relative_to(self.truth())
         return Twist2(
             _limited(_GAIN_HZ * error.x, _LIMIT_MPS),
             _limited(_GAIN_HZ * error.y, _LIMIT_MPS),
             _limited(_GAIN_HZ * error.yaw, _LIMIT_RADPS),
         )
 
-    def _expose(self) -> None:
+    def sense(self) -> None:
+        """A sweep and an image."""
+        super().sense()
         newest_s = self.bodies.newest_s
         if newest_s is None or not self.bodies.covers(newest_s - 2.0 * _IMAGE_AFTER_S, newest_s):
             return
@@ -104,9 +105,9 @@ def record(folder: Path, seed: int, camera: TrueCamera | None = None) -> BoardRi
         ride = BoardRide(load_world("yard"), bag, seed, camera)
         task = progress.add_task("driving", total=_PLACES)
         while ride.places < _PLACES:
-            ride.run(lambda: False, 1.0)
+            ride.run(1.0)
             progress.update(task, completed=ride.places)
-        ride.run(lambda: False, _STAND_S)
+        ride.run(_STAND_S)
     return ride
 
 

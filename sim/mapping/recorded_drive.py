@@ -1,7 +1,7 @@
 """A manually driven robot and its sensor data, recorded in the recorder's format.
 
-Physics, drives, sensors and the kernels of drive and odometry in lockstep. The driver gets the
-true pose; only sensor data is recorded.
+Physics, engine, sensors and the drive's kernels in one process. The driver gets the true pose; only sensor data is
+recorded.
 """
 
 from __future__ import annotations
@@ -12,68 +12,77 @@ from collections.abc import Collection
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.contract import topics
 from robot_stack.contract.frames import BASE_LINK
-from robot_stack.core.geometry import Twist2
-from robot_stack.drive.arbitration import Source
-from robot_stack.drive.odometry import Encoders, Odometry
+from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.robot import load_robot
+from robot_stack.drive.kinematics import ModuleSetPoints
+from robot_stack.drive.odometry import Encoders
 from sim.camera.history import BodyHistory
 from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import build_scene
 from sim.lidar.sensor import Lidar
-from sim.mapping.kernel_stack import KernelStack
 from sim.mapping.ride_writer import RideWriter
 from sim.params import load_sim_params
-from sim.plant.imu import ImuSample
+from sim.plant.rig import Rig, TwistController
 from sim.plant.wheelchair import matrix_of
 from sim.plant.world import Setup
 
 F64 = NDArray[np.float64]
-_BODY_RATE_HZ = 100.0
 _TURN_S = 0.15  # of the LiDAR, with room for the poses around it
 
 
-class RecordedDrive(KernelStack):
+class RecordedDrive(TwistController):
     """movers: bodies visible to the LiDAR beside the world's own. true_poses: stamp and (4, 4) base_link in map of each
     sweep, only for evaluation.
     """
 
     def __init__(self, setup: Setup, bag: RideWriter, sweep_rate_hz: float, movers: Collection[str]) -> None:
+        self.robot = load_robot()
+        super().__init__(self.robot, lambda _: self.requested(), setup.attached_at_start)
         self._bag, self._movers = bag, movers
         self.bodies = BodyHistory()
         self.true_poses: list[tuple[float, F64]] = []
-        super().__init__(setup)
+        self._rig = Rig(self.robot, load_sim_params(), setup)
+        self._rig.on_imu = bag.imu
+        self.sim = self._rig.sim
         params = load_lidar_params()
         people = [walker.name for walker in self.sim.world.people]
         scene = build_scene(setup.world, params, load_sim_params().wheelchair, people=people)
         self.lidar = Lidar(scene, params, self.robot, setup.seed)
-        self.every(_BODY_RATE_HZ, self._bodies_tick)
-        self.every(sweep_rate_hz, self._sweep)
+        self._readings = 0
+        self._sweep_readings = round(topics.JOINT_STATES.nominal_rate_hz / sweep_rate_hz)
+
+    @property
+    def time_s(self) -> float:
+        return self.sim.time_s
+
+    def truth(self) -> Pose2:
+        """True pose in map."""
+        return self.sim.world.truth().pose()
+
+    def run(self, duration_s: float) -> None:
+        self._rig.run(duration_s, self, self._sense)
 
     @abstractmethod
     def requested(self) -> Twist2:
         """The driver's command."""
 
-    def _navigation_tick(self) -> None:
-        twist = self.requested()
-        self._send(lambda: self.drive.on_command(Source.NAVIGATION, twist, self.time_s))
-
     # --- sensors -----------------------------------------------------------------------------------------------------
 
-    def _imu(self, sample: ImuSample) -> None:
-        super()._imu(sample)
-        self._bag.imu(sample)
-
-    def _odometry(self, encoders: Encoders) -> None:
+    def observe(self, encoders: Encoders) -> None:
+        super().observe(encoders)
         self._bag.joint_states(encoders)
-        super()._odometry(encoders)
+        self._bag.odometry(encoders.stamp_s, self.odometry)
 
-    def on_odometry(self, stamp_s: float, odometry: Odometry) -> None:
-        self._bag.odometry(stamp_s, odometry)
-
-    def _bodies_tick(self) -> None:
+    def _sense(self, _: ModuleSetPoints | None) -> None:
         self.bodies.add(self.time_s, {name: matrix_of(pose) for name, pose in self.sim.world.bodies()})
+        self._readings += 1
+        if self._readings % self._sweep_readings == 0:
+            self.sense()
 
-    def _sweep(self) -> None:
+    def sense(self) -> None:
+        """Records a sweep, at the rate of sweeps."""
         stamp_s = self.bodies.newest_s
         if stamp_s is None or not self.bodies.covers(stamp_s - _TURN_S, stamp_s):
             return

@@ -82,7 +82,7 @@ class Ride(RecordedDrive):
     def requested(self) -> Twist2:
         if self.done or self.time_s - self._start_s <= self._ride.stand_s:
             return Twist2(0.0, 0.0, 0.0)
-        pose, _ = self.truth()
+        pose = self.truth()
         here = np.array([pose.x, pose.y])
         ahead = self._way[self._reached : self._reached + 20]
         self._reached += int(np.argmin(np.linalg.norm(ahead - here, axis=1)))
@@ -125,10 +125,10 @@ def record(folder: Path, params: RideParams, truth_file: Path | None = None) -> 
         limit_s = ride.time_s + params.stand_s + ride.length_m / _LIMIT_MPS
         while not ride.done:
             if ride.time_s > limit_s:
-                raise RuntimeError(f"the robot is stuck after {ride.driven_m:.1f} m, near {ride.truth()[0]}")
-            ride.run(lambda: ride.done, 1.0)
+                raise RuntimeError(f"the robot is stuck after {ride.driven_m:.1f} m, near {ride.truth()}")
+            ride.run(1.0)
             progress.update(task, completed=ride.driven_m)
-        ride.run(lambda: False, params.stand_s)
+        ride.run(params.stand_s)
     if truth_file is not None:
         stamps, poses = zip(*ride.true_poses, strict=True)
         np.savez_compressed(truth_file, stamp_s=np.array(stamps), pose=np.array(poses))

@@ -8,7 +8,7 @@ from typing import Protocol
 from robot_stack.contract import topics
 from robot_stack.contract.frames import DRIVE_AXES, STEER_AXES
 from robot_stack.core.config import load
-from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.geometry import Twist2
 from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import Robot
 from robot_stack.drive import axis_commands
@@ -16,15 +16,14 @@ from robot_stack.drive.arbitration import Command
 from robot_stack.drive.controller import SwerveController
 from robot_stack.drive.hardware_params import SwerveHardwareParams, axis_settings
 from robot_stack.drive.kinematics import Four, ModuleSetPoints
-from robot_stack.drive.odometry import Encoders
-from robot_stack.drive.params import (
-    SwerveControllerParams,
-)
+from robot_stack.drive.odometry import Encoders, Odometry
+from robot_stack.drive.params import SwerveControllerParams
 from robot_stack.drive.wheel_axes import drive_moves, steer_moves
 from robot_stack.wmx.api import ErrorCode, EStopLevel
 from robot_stack.wmx.config import load_engine_config
 from sim.params import SimParams
 from sim.plant.faults import Faults
+from sim.plant.imu import ImuSample
 from sim.plant.local_engine import LocalEngine
 from sim.plant.simulation import Simulation
 from sim.plant.world import Setup
@@ -44,7 +43,7 @@ class Controller(Protocol):
 
 
 class Rig:
-    """A robot with enabled servos. ``run`` runs a controller on it."""
+    """A robot with enabled servos. ``run`` runs a controller on it. on_imu: called with every sample of the IMU."""
 
     def __init__(self, robot: Robot, params: SimParams, setup: Setup) -> None:
         self.robot = robot
@@ -56,6 +55,7 @@ class Rig:
         hardware = load(SwerveHardwareParams, "swerve_hardware_interface")
         self._axes = axis_settings(hardware, robot, self.command_rate_hz)
         self._radius_m = robot.wheel_radius_m
+        self.on_imu: Callable[[ImuSample], None] = lambda _: None
         self.engine.start()
         for axis in (*DRIVE_AXES, *STEER_AXES):
             self.engine.core_motion.axisControl.SetServoOn(axis, 1)
@@ -116,7 +116,9 @@ class Rig:
 
     def _steps(self, duration_s: float) -> None:
         for _ in range(round(duration_s / self.sim.world.dt_s)):
-            self.sim.step()
+            sample = self.sim.step()
+            if sample is not None:
+                self.on_imu(sample)
             self.faults.update()
 
 
@@ -140,9 +142,9 @@ class TwistController:
         return self._controller.set_point
 
     @property
-    def pose(self) -> Pose2:
+    def odometry(self) -> Odometry:
         """Wheel odometry, from the start."""
-        return self._controller.odometry.pose
+        return self._controller.odometry
 
     def observe(self, encoders: Encoders) -> None:
         self._controller.observe(encoders)

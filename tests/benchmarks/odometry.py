@@ -80,8 +80,8 @@ def drift(seed: int, distance_m: float) -> Drift:
         rig.run(max(1.0, (distance_m - made_m) * _LEAST_MEAN_MPS), controller, each)
     controller.observe(rig.encoders())
     truth = rig.moment().pose.relative_to(start)
-    yaw_error = math.remainder(controller.pose.yaw - truth.yaw, 2.0 * math.pi)
-    return Drift(controller.pose.distance_to(truth) / made_m, yaw_error, made_m)
+    yaw_error = math.remainder(controller.odometry.pose.yaw - truth.yaw, 2.0 * math.pi)
+    return Drift(controller.odometry.pose.distance_to(truth) / made_m, yaw_error, made_m)
 
 
 def _course(time_s: float) -> Twist2:

@@ -8,12 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.camera.motion import Track
 from sim.polyline import Polyline
-from sim.worldfile import Box, Cylinder, WorldFile
+from sim.worldfile import Box, Cylinder, Person, WorldFile
+from tests.benchmarks.support.framework import BenchError
 
 Array = NDArray[np.float64]
 _CLEARANCE_M = 0.15  # beyond a route's half width
+_WALKER_M = 1.0  # of a walker's line from every route: walkers do not stop, and the robot follows its route blindly
 _TRIES = 200
 
 
@@ -52,34 +53,28 @@ def changed_world(world: WorldFile, share: float, seed: int) -> tuple[WorldFile,
     )
 
 
-def walkers(world: WorldFile, count: int, seed: int, duration_s: float) -> dict[str, Track]:
+def walkers(world: WorldFile, count: int, seed: int) -> list[Person]:
     """Persons who walk to and fro for 6-10 m beside the routes, 1.2-2.5 m off their middle, at 0.8-1.4 m/s."""
     random = np.random.default_rng(seed)
     routes = [np.array(route.points_m, float) for route in world.routes.values()]
-    return {f"person_{index}": _walk(routes[index % len(routes)], random, duration_s) for index in range(count)}
+    return [_walker(f"walker_{index}", routes[index % len(routes)], world, random) for index in range(count)]
 
 
-def _walk(route: Array, random: np.random.Generator, duration_s: float) -> Track:
-    leg = int(random.integers(len(route) - 1))
-    start, along = route[leg], route[leg + 1] - route[leg]
-    length = float(np.hypot(*along))
-    along = along / length
-    side = random.choice([-1.0, 1.0]) * random.uniform(1.2, 2.5) * np.array([-along[1], along[0]])
-    first = start + along * random.uniform(0.0, length) + side
-    last = first + along * random.uniform(6.0, 10.0)
-    period_s = float(np.hypot(*(last - first))) / random.uniform(0.8, 1.4)
-    times = np.arange(0.0, duration_s + period_s, period_s)
-    # A person turns round within a tenth of a second.
-    knots = np.sort(np.concatenate([times, times[1:] - 0.1]))
-    poses = np.tile(np.eye(4), (len(knots), 1, 1))
-    yaw = math.atan2(along[1], along[0])
-    for index, time_s in enumerate(knots):
-        trip, share = divmod(time_s / period_s + 1e-9, 1.0)
-        share = share if int(trip) % 2 == 0 else 1.0 - share
-        heading = yaw if int(trip) % 2 == 0 else yaw + math.pi
-        poses[index, :2, 3] = first + share * (last - first)
-        poses[index, :2, :2] = [[math.cos(heading), -math.sin(heading)], [math.sin(heading), math.cos(heading)]]
-    return Track(knots, poses)
+def _walker(name: str, route: Array, world: WorldFile, random: np.random.Generator) -> Person:
+    """Raises BenchError if no line beside the route keeps off all routes."""
+    ways = [Polyline(each.points_m) for each in world.routes.values()]
+    for _ in range(_TRIES):
+        leg = int(random.integers(len(route) - 1))
+        start, along = route[leg], route[leg + 1] - route[leg]
+        length = float(np.hypot(*along))
+        along = along / length
+        side = random.choice([-1.0, 1.0]) * random.uniform(1.2, 2.5) * np.array([-along[1], along[0]])
+        first = start + along * random.uniform(0.0, length) + side
+        line = first + np.outer(np.linspace(0.0, random.uniform(6.0, 10.0), 30), along)
+        if all(way.distance_m(x, y) > _WALKER_M for way in ways for x, y in line):
+            points = [(float(x), float(y)) for x, y in (line[0], line[-1])]
+            return Person(name=name, points_m=points, speed_mps=random.uniform(0.8, 1.4))
+    raise BenchError(f"{name}: no line beside its route keeps off all routes")
 
 
 def _elsewhere(item: Box | Cylinder, world: WorldFile, random: np.random.Generator, reach_m: float) -> Box | Cylinder:
