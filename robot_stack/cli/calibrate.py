@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 import typer
 
-from robot_stack.cli.errors import WRONG_USE, CommandError
+from robot_stack.cli.errors import WRONG_USE, CommandError, writing
 
 _PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".pgm")
 _NAMES = ("fx", "fy", "cx", "cy", "k1", "k2", "p1", "p2", "k3")
@@ -29,10 +29,8 @@ def camera(
 
     params = load_charuco()
     if board_pdf is not None:
-        try:
+        with writing(board_pdf):
             write_board_pdf(board_pdf, params)
-        except OSError as error:
-            raise CommandError(f"{board_pdf}: cannot be written: {error.strerror or error}") from None
         typer.echo(f"{board_pdf}: {params.columns} x {params.rows} squares of {1e3 * params.square_m:g} mm")
     elif folder is None:
         raise CommandError("name a folder of pictures, or a file for the board: --board-pdf FILE", WRONG_USE)
@@ -107,10 +105,8 @@ def _calibrate(folder: Path, frame: str, output: Path | None) -> None:
     values = (now.fx, now.fy, now.cx, now.cy, *now.distortion)
     for name, value, sigma in zip(_NAMES, values, result.sigmas, strict=True):
         typer.echo(f"  {name:<3}{value:12.5f}  +- {sigma:.5f}")
-    try:
+    with writing(target):
         write_intrinsics(target, frame, now)
-    except OSError as error:
-        raise CommandError(f"{target}: cannot be written: {error.strerror or error}") from None
     typer.echo(f"written: {target}")
 
 

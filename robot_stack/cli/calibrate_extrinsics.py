@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_stack.cli.errors import WRONG_USE, CommandError
+from robot_stack.cli.errors import WRONG_USE, CommandError, writing
 from robot_stack.cli.map_build import ProgressBar
 from robot_stack.cli.map_recording import messages, read_ride
 from robot_stack.contract import frames, topics
@@ -184,11 +184,9 @@ def lines_of(found: CameraMountFound, frame: str, nominal: Floats, views: Views)
 
 def draw(found: CameraMountFound, file: Path) -> None:
     """Draws the residual of each view, in plan and in angle. Raises CommandError."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(10.0, 4.2))
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(10.0, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2)
     for axes, first, scale, unit in ((left, 0, 1e3, "mm"), (right, 3, float(np.degrees(1.0)), "deg")):
         for column, name in enumerate(("x, to the right", "y, down", "z, along the view")):
@@ -197,11 +195,8 @@ def draw(found: CameraMountFound, file: Path) -> None:
     left.set(title="board position, LiDAR relative to camera")
     right.set(title="board angles, LiDAR relative to camera")
     right.legend(title="in the camera's frame")
-    figure.tight_layout()
-    try:
+    with writing(file):
         figure.savefig(file, dpi=_DPI)
-    except OSError as error:
-        raise CommandError(f"{file}: cannot be written: {error.strerror or error}") from None
 
 
 def _driven(ride: Ride, stamps_s: Floats) -> Floats:

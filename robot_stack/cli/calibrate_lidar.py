@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from robot_stack.cli.errors import CommandError
+from robot_stack.cli.errors import CommandError, writing
 from robot_stack.cli.map_build import ProgressBar
 from robot_stack.cli.map_recording import read_ride
 from robot_stack.contract import frames
@@ -69,11 +69,9 @@ def draw_mount(found: MountFound, file: Path) -> None:
 
     Raises CommandError.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(11.0, 4.5))
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(11.0, 4.5), layout="constrained")
     left, right = figure.subplots(1, 2)
     order = np.argsort(found.yaw_rad)
     heading = np.degrees(found.yaw_rad[order])
@@ -87,11 +85,8 @@ def draw_mount(found: MountFound, file: Path) -> None:
     right.axhline(0.0, color="0.7")
     right.axvline(0.0, color="0.7")
     right.set(xlabel="along the path, mm", ylabel="across, mm", title="steps of LiDAR and wheels: residuals")
-    figure.tight_layout()
-    try:
+    with writing(file):
         figure.savefig(file, dpi=_DPI)
-    except OSError as error:
-        raise CommandError(f"{file}: cannot be written: {error.strerror or error}") from None
 
 
 def _rms(values: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> float:

@@ -6,7 +6,7 @@ import math
 import sys
 from pathlib import Path
 
-from robot_stack.cli.errors import CommandError
+from robot_stack.cli.errors import CommandError, writing
 from robot_stack.cli.map_recording import messages
 from robot_stack.contract import topics
 from robot_stack.contract.frames import MODULES
@@ -86,11 +86,9 @@ def lines_of(learnt: Learnt) -> list[str]:
 
 def draw_wheels(learnt: Learnt, file: Path) -> None:
     """Draws bars with three standard deviations. Raises CommandError."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.0, 3.8))
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
     left, right = figure.subplots(1, 2)
     percent = [100.0 * value for value in learnt.radius_errors], [300.0 * value for value in learnt.radius_deviations]
     degrees = (
@@ -106,8 +104,5 @@ def draw_wheels(learnt: Learnt, file: Path) -> None:
         axes.set(ylabel=what)
     left.set(title="wheel radii")
     right.set(title="steering zeros")
-    figure.tight_layout()
-    try:
+    with writing(file):
         figure.savefig(file, dpi=110)
-    except OSError as error:
-        raise CommandError(f"{file}: cannot be written: {error.strerror or error}") from None

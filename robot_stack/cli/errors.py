@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 from robot_stack.core.errors import ConfigError
 
 NOT_DONE = 1
@@ -14,6 +18,15 @@ class CommandError(Exception):
     def __init__(self, message: str, code: int = NOT_DONE) -> None:
         super().__init__(message)
         self.code = code
+
+
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Raises CommandError naming ``path`` if the block raises OSError."""
+    try:
+        yield
+    except OSError as error:
+        raise CommandError(f"{path} cannot be written: {error.strerror or error}") from None
 
 
 def exit_code(error: Exception) -> int | None:

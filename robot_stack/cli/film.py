@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from robot_stack.cli.errors import WRONG_USE, CommandError
+from robot_stack.cli.errors import WRONG_USE, CommandError, writing
 
 if TYPE_CHECKING:
     from robot_stack.film.frames import Film
@@ -109,14 +109,12 @@ def _save(files: list[Path], pictures: list[Any], params: FilmParams) -> None:
     from robot_stack.cli.film_files import save_gif, save_mp4
 
     for file in files:
-        try:
+        with writing(file):
             file.parent.mkdir(parents=True, exist_ok=True)
             if file.suffix == ".gif":
                 save_gif(file, pictures, params.frame_hz, params.gif_colours)
             else:
                 save_mp4(file, pictures, params.frame_hz)
-        except OSError as error:
-            raise CommandError(f"{file} cannot be written: {error.strerror or error}") from None
 
 
 @contextmanager

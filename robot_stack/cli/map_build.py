@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from robot_stack.cli.errors import WRONG_USE, CommandError
+from robot_stack.cli.errors import WRONG_USE, CommandError, writing
 from robot_stack.cli.map_picture import draw_map
 from robot_stack.cli.map_recording import read_ride
 from robot_stack.core.config import config_dir, load
@@ -43,10 +43,8 @@ def build_from_recording(
     for warning in warnings:
         print(f"warning: {warning}", file=sys.stderr)
     site = SiteMap(name, built.cells, built.grid, _about(recording, ride, built, start))
-    try:
+    with writing(folder):
         save_map(site, folder)
-    except OSError as error:
-        raise CommandError(f"{folder} cannot be written: {error.strerror or error}") from None
     if plot:
         ends = np.array([[built.poses[k, :2, 3] for k in (loop.earlier, loop.later)] for loop in built.loops])
         draw_map(site, folder / "map.png", built.poses[:, :2, 3], ends)

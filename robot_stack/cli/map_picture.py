@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from robot_stack.cli.errors import CommandError
-from robot_stack.core.site_map import FREE, OCCUPIED, SiteMap
+from robot_stack.cli.errors import writing
+from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, SiteMap, shaded
 
 _DPI = 110
-_GREY = {FREE: 0.97, OCCUPIED: 0.1}
-_UNKNOWN_GREY = 0.78
+GREYS = {FREE: 247, OCCUPIED: 25, UNKNOWN: 200}
 _LONGEST_IN = 16.0
 _WALL_FROM_M = 0.1
 
@@ -21,7 +20,6 @@ Places = npt.NDArray[np.float64]
 
 def draw_map(site: SiteMap, file: Path, way: Places | None = None, loops: Places | None = None) -> None:
     """way: (n, 2) m, the robot's path; loops: (n, 2, 2) m, pairs of recognised places. Raises CommandError."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.collections import EllipseCollection, LineCollection
     from matplotlib.figure import Figure
 
@@ -29,15 +27,12 @@ def draw_map(site: SiteMap, file: Path, way: Places | None = None, loops: Places
     rows, columns = grid.occupancy.shape
     width_m, height_m = columns * grid.resolution_m, rows * grid.resolution_m
     scale = _LONGEST_IN / max(width_m, height_m)
-    figure = Figure(figsize=(width_m * scale, height_m * scale + 0.6))
-    FigureCanvasAgg(figure)
+    figure = Figure(figsize=(width_m * scale, height_m * scale + 0.6), layout="constrained")
     axes = figure.add_subplot()
-    shade = np.full(grid.occupancy.shape, _UNKNOWN_GREY)
-    for value, grey in _GREY.items():
-        shade[grid.occupancy == value] = grey
+    shade = shaded(grid.occupancy, GREYS)
     x, y = grid.origin_x_m, grid.origin_y_m
     extent = (x, x + width_m, y, y + height_m)
-    axes.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=0.0, vmax=1.0, interpolation="nearest")
+    axes.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=0.0, vmax=255.0, interpolation="nearest")
     widths, heights, angles, colours, places = _ellipses(site)
     cells = EllipseCollection(
         widths, heights, angles, units="xy", offsets=places, offset_transform=axes.transData, cmap="viridis", alpha=0.55
@@ -54,11 +49,8 @@ def draw_map(site: SiteMap, file: Path, way: Places | None = None, loops: Places
     axes.set_title(f"{site.name}: {len(site.cells.count)} cells of {site.cells.size_m:g} m, one deviation; by height")
     if way is not None:
         axes.legend(loc="upper right")
-    figure.tight_layout()
-    try:
+    with writing(file):
         figure.savefig(file, dpi=_DPI)
-    except OSError as error:
-        raise CommandError(f"{file} cannot be written: {error.strerror or error}") from None
 
 
 def _ellipses(site: SiteMap) -> tuple[Places, Places, Places, Places, Places]:

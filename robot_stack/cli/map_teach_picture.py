@@ -9,15 +9,17 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from robot_stack.cli.errors import CommandError
+from robot_stack.cli.errors import writing
+from robot_stack.cli.map_picture import GREYS
 from robot_stack.core.atomic_file import replace_file
+from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, shaded
 from robot_stack.mapping.poses import Floats, yaw_of
-from robot_stack.mapping.teaching import Cells, GrowingMap
+from robot_stack.mapping.teaching import GrowingMap
 
 Image = npt.NDArray[np.uint8]
 
-# Blue, green, red; the greys of draw_map.
-_UNKNOWN, _SEEN, _STRUCTURE = (200, 200, 200), (247, 247, 247), (25, 25, 25)
+# Blue, green, red.
+_BLACK = (25, 25, 25)
 _WAY, _BEGIN, _ROBOT = (14, 127, 255), (44, 160, 44), (40, 39, 214)
 _MARGIN_CELLS = 5
 _ROBOT_M = 0.6
@@ -27,12 +29,14 @@ def taught_picture(growing: GrowingMap, resolution_m: float, longest_px: int) ->
     """(height, width, 3) blue, green, red; x of map to the right, y upward. Small before the first sweep."""
     seen = growing.seen
     if not len(seen):
-        return np.full((longest_px // 4, longest_px // 4, 3), _UNKNOWN, np.uint8)
+        return np.full((longest_px // 4, longest_px // 4, 3), GREYS[UNKNOWN], np.uint8)
     low = seen.min(axis=0) - _MARGIN_CELLS
     columns, rows = seen.max(axis=0) - low + 1 + _MARGIN_CELLS
-    cells = np.full((rows, columns, 3), _UNKNOWN, np.uint8)
-    for found, colour in ((seen, _SEEN), (growing.structure, _STRUCTURE)):
-        _paint(cells, found - low, colour)
+    occupancy = np.full((rows, columns), UNKNOWN, np.int8)
+    for found, value in ((seen, FREE), (growing.structure, OCCUPIED)):
+        x, y = (found - low).T
+        occupancy[y, x] = value
+    cells = cv2.cvtColor(shaded(occupancy, GREYS), cv2.COLOR_GRAY2BGR)
     scale = longest_px / max(rows, columns)
     size = (max(1, round(columns * scale)), max(1, round(rows * scale)))
     # A wall one cell wide stays visible if cells are smaller than pixels.
@@ -56,14 +60,8 @@ def write_picture(picture: Image, file: Path) -> None:
     """Replaces the file atomically. Raises CommandError."""
     whole, data = cv2.imencode(".png", picture)
     assert whole, "an image of three channels is a PNG"
-    try:
+    with writing(file):
         replace_file(file, data.tobytes())
-    except OSError as error:
-        raise CommandError(f"{file} cannot be written: {error.strerror or error}") from None
-
-
-def _paint(cells: Image, index: Cells, colour: tuple[int, int, int]) -> None:
-    cells[index[:, 1], index[:, 0]] = colour
 
 
 def _arrow(pose: Floats) -> Floats:
@@ -76,13 +74,8 @@ def _arrow(pose: Floats) -> Floats:
 def _scale_bar(picture: Image, pixel_m: float) -> None:
     """A round length of at most a quarter of the width, in the lower left corner."""
     most_m = 0.25 * picture.shape[1] * pixel_m
-    length_m = max(
-        step * 10.0 ** math.floor(math.log10(most_m)) for step in (0.5, 1.0, 2.0, 5.0) if _fits(step, most_m)
-    )
+    decade_m = 10.0 ** math.floor(math.log10(most_m))
+    length_m = max(step * decade_m for step in (0.5, 1.0, 2.0, 5.0) if step * decade_m <= most_m)
     y = picture.shape[0] - 12
-    cv2.line(picture, (12, y), (12 + round(length_m / pixel_m), y), _STRUCTURE, 2)
-    cv2.putText(picture, f"{length_m:g} m", (12, y - 8), cv2.FONT_HERSHEY_SIMPLEX, 0.6, _STRUCTURE, 1, cv2.LINE_AA)
-
-
-def _fits(step: float, most_m: float) -> bool:
-    return step * 10.0 ** math.floor(math.log10(most_m)) <= most_m
+    cv2.line(picture, (12, y), (12 + round(length_m / pixel_m), y), _BLACK, 2)
+    cv2.putText(picture, f"{length_m:g} m", (12, y - 8), cv2.FONT_HERSHEY_SIMPLEX, 0.6, _BLACK, 1, cv2.LINE_AA)

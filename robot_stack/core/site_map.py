@@ -11,6 +11,7 @@ Frame: map, z up, z = 0 at the start of the mapping ride.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -62,6 +63,15 @@ class SiteMap:
     cells: Cells
     grid: Grid
     about: dict[str, Any] = field(default_factory=dict)
+
+
+def shaded(occupancy: npt.NDArray[np.int8], shades: Mapping[int, int | tuple[int, int, int]]) -> npt.NDArray[np.uint8]:
+    """(rows, columns) grey or (rows, columns, 3): each cell in the shade of its value, FREE, UNKNOWN or OCCUPIED."""
+    table = np.empty((256, *np.shape(shades[UNKNOWN])), np.uint8)
+    table[:] = shades[UNKNOWN]
+    for value, shade in shades.items():
+        table[value] = shade
+    return table[occupancy]
 
 
 def map_folder(name: str) -> Path:
@@ -131,9 +141,7 @@ _SHADES = {FREE: 254, OCCUPIED: 0, UNKNOWN: 205}
 
 
 def _write_grid(grid: Grid, folder: Path) -> None:
-    picture = np.full(grid.occupancy.shape, _SHADES[UNKNOWN], np.uint8)
-    for value, shade in _SHADES.items():
-        picture[grid.occupancy == value] = shade
+    picture = shaded(grid.occupancy, _SHADES)
     rows, columns = len(picture), picture.size // len(picture)
     (folder / _GRID).write_bytes(f"P5\n{columns} {rows}\n255\n".encode() + picture[::-1].tobytes())
     about = {

@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_stack.core.site_map import FREE, OCCUPIED, Grid, SiteMap
+from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, Grid, SiteMap, shaded
 from robot_stack.film.faces import Face, prism
 
 Floats = NDArray[np.float64]
@@ -133,10 +133,8 @@ def _height_m(site: SiteMap, outline: Floats, most_m: float) -> float:
 def _ground(site: SiteMap) -> Image:
     """The floor: row 0 at the lowest y."""
     grid = site.grid
-    image = np.empty((*grid.occupancy.shape, 3), np.uint8)
-    image[:] = _UNKNOWN_RGB
-    image[(grid.occupancy == FREE) | (grid.occupancy == OCCUPIED)] = _FREE_RGB
-    image = np.asarray(cv2.medianBlur(image, 5), np.uint8)
+    shades = {FREE: _FREE_RGB, OCCUPIED: _FREE_RGB, UNKNOWN: _UNKNOWN_RGB}
+    image = np.asarray(cv2.medianBlur(shaded(grid.occupancy, shades), 5), np.uint8)
     rows, columns = np.indices(grid.occupancy.shape)
     cells = round(_TILE_M / grid.resolution_m)
     image[((rows // cells + columns // cells) % 2 == 0) & (image[:, :, 0] == _FREE_RGB[0])] = _TILE_RGB

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import cv2
-import numpy as np
 
 from robot_stack.contract.frames import FRONT_CAMERA, REAR_CAMERA
 from robot_stack.core.camera import camera_file, load_intrinsics
@@ -14,13 +13,12 @@ from robot_stack.core.display_patterns import load_patterns
 from robot_stack.core.display_picture import svg
 from robot_stack.core.robot import Footprint
 from robot_stack.core.runtime import recordings_dir
-from robot_stack.core.site_map import FREE, OCCUPIED, load_map
+from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, load_map, shaded
 from robot_stack.ui.params import TouchUiParams
 
 _RECORDINGS_MAX = 50
 # Free ground is nearly white, walls are dark; unknown is between, and bluish as water on a map.
-_SHADES_BGR = {FREE: (250, 249, 247), OCCUPIED: (74, 58, 44)}
-_UNKNOWN_BGR = (226, 218, 209)
+_SHADES_BGR = {FREE: (250, 249, 247), OCCUPIED: (74, 58, 44), UNKNOWN: (226, 218, 209)}
 
 
 class Site:
@@ -55,10 +53,7 @@ def background(name: str) -> tuple[dict[str, Any] | None, bytes]:
     if not name:
         return None, b""
     grid = load_map(name).grid
-    picture = np.full((*grid.occupancy.shape, 3), _UNKNOWN_BGR, np.uint8)
-    for value, shade in _SHADES_BGR.items():
-        picture[grid.occupancy == value] = shade
-    _, png = cv2.imencode(".png", picture[::-1])
+    _, png = cv2.imencode(".png", shaded(grid.occupancy, _SHADES_BGR)[::-1])
     rows, columns = grid.occupancy.shape
     about = {
         "x": grid.origin_x_m,
