@@ -16,7 +16,6 @@ from robot_stack.core.camera import Intrinsics
 from robot_stack.core.config import Config, load
 
 Grey = NDArray[np.uint8]
-_MM_PER_INCH = 25.4
 _TEXELS_PER_SQUARE = 120
 _SMALLEST_SPREAD = 0.25  # of the picture's width and height: least extent of the corners of all pictures
 
@@ -133,20 +132,14 @@ def _check_spread(corners: NDArray[np.float32], size: tuple[int, int]) -> None:
 
 def write_board_pdf(path: Path, params: CharucoParams) -> None:
     """Writes the board to scale on one page. Raises OSError."""
-    from matplotlib.backends.backend_pdf import FigureCanvasPdf
-    from matplotlib.figure import Figure
+    from robot_stack.docking.tools.page import Page
 
-    rim_mm = 12.0
-    width_mm, height_mm = 1e3 * params.square_m * params.columns, 1e3 * params.square_m * params.rows
-    page = (width_mm + 2.0 * rim_mm, height_mm + 2.0 * rim_mm)
-    figure = Figure(figsize=(page[0] / _MM_PER_INCH, page[1] / _MM_PER_INCH))
-    FigureCanvasPdf(figure)
-    place = (rim_mm / page[0], rim_mm / page[1], width_mm / page[0], height_mm / page[1])
-    axes = figure.add_axes(place)
-    axes.imshow(params.image(), cmap="gray", vmin=0, vmax=255, interpolation="nearest", aspect="auto")
-    axes.axis("off")
+    rim = 12.0
+    width, height = 1e3 * params.square_m * params.columns, 1e3 * params.square_m * params.rows
+    page = Page(width + 2.0 * rim, height + 2.0 * rim)
+    place = (rim, rim + width, rim, rim + height)
+    page.axes.imshow(params.image(), extent=place, cmap="gray", interpolation="nearest", aspect="auto")
+    page.axes.set(xlim=(0.0, width + 2.0 * rim), ylim=(0.0, height + 2.0 * rim))
     note = f"{params.dictionary}, squares {1e3 * params.square_m:g} mm, markers {1e3 * params.marker_m:g} mm"
-    figure.text(
-        0.5, 0.35 * place[1], f"{note}; print at 100 %, then measure: {width_mm:g} mm across", ha="center", fontsize=8
-    )
-    figure.savefig(path, format="pdf")
+    page.text(0.5 * width + rim, 0.4 * rim, f"{note}; print at 100 %, then measure: {width:g} mm across", 2.0, "center")
+    page.figure.savefig(path, format="pdf")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robot_stack.cli.errors import WRONG_USE, CommandError
+from robot_stack.cli.errors import WRONG_USE, CommandError, writing
 from robot_stack.cli.safety import Timeout
 
 if TYPE_CHECKING:
@@ -66,14 +66,9 @@ def _pages(docks: Docks, names: Sequence[str], paper: Paper) -> list[Page]:
 def _write_pdf(path: Path, pages: Sequence[Page]) -> None:
     from matplotlib.backends.backend_pdf import PdfPages
 
-    from robot_stack.docking.tools.page import draw
-
-    try:
-        with PdfPages(path) as file:
-            for page in pages:
-                file.savefig(draw(page))
-    except OSError as error:
-        raise CommandError(f"{path} cannot be written: {error.strerror or error}") from None
+    with writing(path), PdfPages(path) as file:
+        for page in pages:
+            file.savefig(page.figure)
 
 
 @docking.command()

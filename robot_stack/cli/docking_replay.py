@@ -5,13 +5,10 @@ from __future__ import annotations
 import json
 import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
-import cv2
-
-from robot_stack.cli.errors import CommandError
+from robot_stack.cli.errors import CommandError, writing
 from robot_stack.cli.recordings import read_messages, recording_files
 from robot_stack.contract import topics
 from robot_stack.core.config import load
@@ -32,7 +29,11 @@ def replay_recording(recording: Path, output: Path | None, json_file: Path | Non
     params = load(DockingParams, "docking_controller")
     files = recording_files(recording)
     folder = output if output is not None else Path(f"docking_{recording.absolute().stem}")
-    _make_folder(folder)
+    with writing(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        probe = folder / ".writable"
+        probe.touch()
+        probe.unlink()
     traces, damages = collect(files, params)
     for damage in damages:
         print(f"warning: {damage}; the report ends there", file=sys.stderr)
@@ -44,7 +45,8 @@ def replay_recording(recording: Path, output: Path | None, json_file: Path | Non
         print("  pictures: " + ", ".join(docking["pictures"]))
     if json_file is not None:
         document = {"recording": str(recording), "damages": damages, "dockings": found}
-        _writing(json_file, lambda: json_file.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8"))
+        with writing(json_file):
+            json_file.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
 
 
 def collect(files: Sequence[Path], params: DockingParams) -> tuple[list[Trace], list[str]]:
@@ -106,29 +108,15 @@ class _Progress:
 
 
 def _draw(folder: Path, number: int, trace: Trace, limits: Limits, verdict: str, marker_size_m: float) -> list[str]:
-    plot = folder / f"docking_{number}.png"
     title = f"docking {number}, {_date(trace.start_s)}: {verdict}"
-    _writing(plot, lambda: course(trace, limits, title).savefig(plot, dpi=_DPI))
+    figures = {f"docking_{number}.png": course(trace, limits, title)}
     images = strip(trace, marker_size_m)
-    if images is None:
-        return [str(plot)]
-    picture = folder / f"docking_{number}_images.png"
-    _writing(picture, lambda: picture.write_bytes(bytes(cv2.imencode(".png", images)[1])))
-    return [str(plot), str(picture)]
-
-
-def _make_folder(folder: Path) -> None:
-    _writing(folder, lambda: folder.mkdir(parents=True, exist_ok=True))
-    probe = folder / ".writable"
-    _writing(folder, probe.touch)
-    probe.unlink()
-
-
-def _writing(path: Path, write: Callable[[], Any]) -> None:
-    try:
-        write()
-    except OSError as error:
-        raise CommandError(f"{path} cannot be written: {error.strerror or error}") from None
+    if images is not None:
+        figures[f"docking_{number}_images.png"] = images
+    for name, figure in figures.items():
+        with writing(folder / name):
+            figure.savefig(folder / name, dpi=_DPI)
+    return [str(folder / name) for name in figures]
 
 
 def _date(at_s: float) -> str:

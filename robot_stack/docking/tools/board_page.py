@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from robot_stack.core.docks import Dock, MarkerPlace
-from robot_stack.docking.tools.page import Line, Page, Paper, Rect, Text, outline
+from robot_stack.docking.tools.page import Page, Paper
 
 # Reductions a person can calculate with.
 _SCALES = (1, 2, 5, 10, 20, 50, 100, 200)
@@ -20,26 +20,25 @@ def board_page(name: str, dock: Dock, size_m: float, paper: Paper) -> Page:
     scale = _scale(dock, size_mm, paper.width_mm - 60.0, paper.height_mm - _ROOM_ABOVE_MM - table_mm)
     ground = table_mm
     middle = 0.5 * paper.width_mm
-    rects: list[Rect] = []
-    lines = [
-        Line(20.0, ground, paper.width_mm - 20.0, ground, 0.5),
-        Line(middle, ground - 3.0, middle, ground + (_top_mm(dock, size_mm) / scale) + 6.0, 0.1),
-    ]
-    texts = [
-        Text(20.0, paper.height_mm - 20.0, f"dock {name}: board seen by the robot ({dock.camera} camera)", 4.5),
-        Text(20.0, paper.height_mm - 30.0, f"scale 1:{scale}; markers {size_mm:g} mm wide", 3.0),
-        Text(paper.width_mm - 20.0, ground + 3.0, "ground", 2.5, "right"),
-        Text(middle, ground - 6.0, "middle of the board", 2.5, "center"),
-    ]
+    page = Page(paper.width_mm, paper.height_mm)
+    page.line(20.0, ground, paper.width_mm - 20.0, ground, 0.5)
+    page.line(middle, ground - 3.0, middle, ground + (_top_mm(dock, size_mm) / scale) + 6.0, 0.1)
+    page.text(20.0, paper.height_mm - 20.0, f"dock {name}: board seen by the robot ({dock.camera} camera)", 4.5)
+    page.text(20.0, paper.height_mm - 30.0, f"scale 1:{scale}; markers {size_mm:g} mm wide", 3.0)
+    page.text(paper.width_mm - 20.0, ground + 3.0, "ground", 2.5, "right")
+    page.text(middle, ground - 6.0, "middle of the board", 2.5, "center")
     for marker_id, place in dock.markers.items():
         x, y = middle - 1000.0 * place.y_m / scale, ground + 1000.0 * place.z_m / scale
         width, height = size_mm * abs(math.cos(place.yaw_rad)) / scale, size_mm / scale
-        lines += outline(x - 0.5 * width, y - 0.5 * height, width, height)
-        lines.append(Line(x, y + 0.2 * height, x, y + 0.45 * height, 0.2, arrow=True))
-        rects.append(Rect(x - 0.4, y - 0.4, 0.8, 0.8, True))
-        texts.append(Text(x, y - 0.25 * height, str(marker_id), 0.2 * height, "center"))
-    texts += _table(dock, ground - 14.0)
-    return Page(paper, tuple(rects), tuple(lines), tuple(texts))
+        for side in (-0.5, 0.5):
+            page.line(x - 0.5 * width, y + side * height, x + 0.5 * width, y + side * height)
+            page.line(x + side * width, y - 0.5 * height, x + side * width, y + 0.5 * height)
+        page.arrow_up(x, y + 0.2 * height, y + 0.45 * height)
+        page.blacken([(x - 0.4, y - 0.4, 0.8, 0.8)])
+        page.text(x, y - 0.25 * height, str(marker_id), 0.2 * height, "center")
+    for index, row in enumerate(_table(dock)):
+        page.text(20.0, ground - 14.0 - index * _LINE_MM, row, 2.6)
+    return page
 
 
 def describe(marker_id: int, place: MarkerPlace) -> str:
@@ -62,10 +61,9 @@ def _side(across_mm: float) -> str:
     return "right" if across_mm > 0.0 else "left"
 
 
-def _table(dock: Dock, top: float) -> list[Text]:
+def _table(dock: Dock) -> list[str]:
     rows = [describe(marker_id, place) for marker_id, place in sorted(dock.markers.items())]
-    notes = ["left and right as the robot sees them; all arrows up; all marker planes upright"]
-    return [Text(20.0, top - index * _LINE_MM, row, 2.6) for index, row in enumerate([*rows, *notes])]
+    return [*rows, "left and right as the robot sees them; all arrows up; all marker planes upright"]
 
 
 def _top_mm(dock: Dock, size_mm: float) -> float:

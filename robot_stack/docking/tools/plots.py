@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from robot_stack.contract.states import DockingState
 from robot_stack.docking.tools.trace import Trace
 from robot_stack.docking.tools.verdict import Limits
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 _BANDS: dict[str, str] = {
     DockingState.APPROACH: "#dfe7f2",
@@ -28,8 +26,6 @@ _LEAST_MM, _LEAST_DEG = 1e-2, 1e-3
 
 def course(trace: Trace, limits: Limits, title: str) -> Figure:
     """The figure; times in s since the docking's start."""
-    from matplotlib.figure import Figure
-
     figure = Figure(figsize=(11.0, 12.0), layout="constrained")
     axes = figure.subplots(5, 1, sharex=True, height_ratios=(1.3, 1.0, 1.0, 1.0, 0.7))
     figure.suptitle(title, fontsize=10, wrap=True)

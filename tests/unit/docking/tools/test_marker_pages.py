@@ -12,7 +12,7 @@ import pytest
 from robot_stack.core.docks import Dock, MarkerPlace, load_docks
 from robot_stack.docking.tools.board_page import board_page, describe
 from robot_stack.docking.tools.marker_page import DoesNotFit, NoSuchMarker, marker_bits, marker_page
-from robot_stack.docking.tools.page import MM_PER_INCH, PAPERS, draw
+from robot_stack.docking.tools.page import MM_PER_INCH, PAPERS
 
 DOCKS = load_docks()
 DPI = 300
@@ -21,8 +21,12 @@ DPI = 300
 def rendered(page) -> np.ndarray:
     """Renders the page as printed, 8 bit grey."""
     buffer = io.BytesIO()
-    draw(page).savefig(buffer, format="png", dpi=DPI)
+    page.figure.savefig(buffer, format="png", dpi=DPI)
     return cv2.imdecode(np.frombuffer(buffer.getvalue(), np.uint8), cv2.IMREAD_GRAYSCALE)
+
+
+def texts_of(page) -> list[str]:
+    return [text.get_text() for text in page.axes.texts]
 
 
 def detected(image: np.ndarray) -> dict[int, np.ndarray]:
@@ -56,6 +60,14 @@ def test_the_quiet_zone_of_one_cell_is_white_but_for_the_line_at_its_rim():
     around = image[round(top) - clear : round(bottom) + clear, round(left) - clear : round(right) + clear].copy()
     around[clear - 3 : -clear + 3, clear - 3 : -clear + 3] = 255
     assert around.min() == 255
+
+
+def test_adjacent_black_cells_show_no_seam():
+    image = rendered(marker_page(DOCKS.dictionary, 1, 0.1501, "chair_1", PAPERS["a4"]))
+    left, top, right, bottom = (round(corner) for corner in (*detected(image)[1][0], *detected(image)[1][2]))
+    half_cell = round(12.5 / MM_PER_INCH * DPI)
+    for edge in (image[top + half_cell, left:right], image[top:bottom, left + half_cell]):
+        assert edge[2:-2].max() == 0
 
 
 def test_the_ruler_is_100_mm_long():
@@ -102,19 +114,17 @@ def test_bits_are_those_of_the_dictionary():
 
 def test_the_overview_shows_where_the_robot_sees_each_marker():
     page = board_page("chair_1", DOCKS.docks["chair_1"], DOCKS.marker_size_m, PAPERS["a4"])
-    texts = [text.text for text in page.texts]
+    texts = texts_of(page)
     assert "marker 0: centre 200 mm to the left, 575 mm above the ground" in texts
     assert "marker 3: centre 200 mm to the right, 325 mm above the ground" in texts
     assert "scale 1:5; markers 150 mm wide" in texts
-    centres = {
-        text.text: rect for text, rect in zip([t for t in page.texts if t.text in "0123"], page.rects, strict=True)
-    }
-    across_mm = 5.0 * (centres["1"].x_mm - centres["0"].x_mm)
-    assert across_mm == pytest.approx(400.0)
-    assert 5.0 * (centres["0"].y_mm - centres["2"].y_mm) == pytest.approx(250.0)
-    for line in page.lines:
-        assert 0.0 <= min(line.x0_mm, line.x1_mm) <= max(line.x0_mm, line.x1_mm) <= 210.0
-        assert 0.0 <= min(line.y0_mm, line.y1_mm) <= max(line.y0_mm, line.y1_mm) <= 297.0
+    centres = [dot.get_path().get_extents().get_points().mean(axis=0) for dot in page.axes.patches]
+    assert [text for text in texts if len(text) == 1] == ["0", "1", "2", "3"]
+    assert 5.0 * (centres[1] - centres[0])[0] == pytest.approx(400.0)
+    assert 5.0 * (centres[0] - centres[2])[1] == pytest.approx(250.0)
+    ends = np.concatenate([line.get_xydata() for line in page.axes.lines])
+    assert (ends >= 0.0).all()
+    assert (ends <= (210.0, 297.0)).all()
 
 
 def test_description_of_marker_out_of_board_plane():
@@ -134,5 +144,5 @@ def test_a_high_board_is_drawn_smaller():
         }
     )
     page = board_page("pole", high, 0.15, PAPERS["a4"])
-    assert "scale 1:20; markers 150 mm wide" in [text.text for text in page.texts]
-    assert max(line.y1_mm for line in page.lines) < 297.0
+    assert "scale 1:20; markers 150 mm wide" in texts_of(page)
+    assert max(line.get_ydata().max() for line in page.axes.lines) < 297.0

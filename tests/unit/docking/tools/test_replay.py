@@ -17,6 +17,7 @@ from robot_stack.core.config import load
 from robot_stack.core.docks import load_docks
 from robot_stack.docking.params import DockingParams
 from robot_stack.docking.tools.report import numbers
+from robot_stack.docking.tools.shots import strip
 from tests.unit.docking.tools.bags import Story, make, success
 
 PARAMS = load(DockingParams, "docking_controller")
@@ -261,13 +262,19 @@ def test_pictures_text_and_numbers(tmp_path, capsys):
     plot = cv2.imread(str(tmp_path / "pictures" / "docking_1.png"))
     assert min(plot.shape[:2]) > 1000
     images = cv2.imread(str(tmp_path / "pictures" / "docking_1_images.png"))
-    assert images.shape == (3 * (360 + 26), 2 * 640, 3)
-    # Marker 0 is 1 m straight ahead and 135 px wide around the image's centre; here half of that, under the label.
-    third = images[386:772, :640]
-    left, top = 639.5 / 2 - 67.5 / 2, 26 + 359.5 / 2 - 67.5 / 2
-    for x, y in ((left, top + 33), (left + 67.5, top + 33), (left + 33, top), (left + 33, top + 67.5)):
-        spot = third[round(y) - 2 : round(y) + 3, round(x) - 2 : round(x) + 3].reshape(-1, 3).astype(int)
-        assert (spot[:, 1] - spot[:, 0]).max() > 80, f"green at {x:.0f}, {y:.0f}"
+    assert images.shape[1] > 1200
+    assert (images[..., 1].astype(int) - images[..., 0] > 80).any(), "green outlines"
+    (trace,), _ = collect(recording_files(story.folder), PARAMS)
+    figure = strip(trace, DOCKS.marker_size_m)
+    assert len(figure.axes) == 6, "three rows of two"
+    assert "no marker any more" in figure.axes[3].get_title(loc="left")
+    shown = figure.axes[2].images[0].get_array()
+    assert shown.shape == (720, 1280, 3)
+    assert shown.mean() == pytest.approx(90.0, abs=1.0)
+    # Marker 0 is 1 m straight ahead and 135 px wide around the image's centre.
+    square = next(patch for patch in figure.axes[2].patches).get_xy()
+    assert square.min(axis=0) == pytest.approx((639.5 - 67.5, 359.5 - 67.5), abs=4.0)
+    assert square.max(axis=0) == pytest.approx((639.5 + 67.5, 359.5 + 67.5), abs=4.0)
 
 
 def refusal(recording: Path, output: Path) -> str:
