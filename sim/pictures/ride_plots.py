@@ -7,28 +7,25 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle, Rectangle
 
 from robot_stack.core.geometry import Pose2
 from sim.run.ride import Ride, Stop, estimate_errors, tracking_errors_m
-from sim.worldfile import Box, WorldFile
-
-mpl.use("Agg")
-from matplotlib import pyplot as plt
-from matplotlib.patches import Circle, Rectangle
-from matplotlib.transforms import Affine2D
+from sim.worldfile import WorldFile
 
 _OBSTACLE, _PLANNED, _DRIVEN, _GOAL = "#8a8f98", "#e08a00", "#1f5fbf", "#b3261e"
-_DPI = 130
+DPI = 130
 
 
 def draw_map(
     path: Path, world: WorldFile, ride: Ride, waypoints: Sequence[tuple[str, Pose2]], stood: Sequence[Stop] = ()
 ) -> None:
     """The world from above with the plans, the true way, the waypoints and the numbered stops, as a PNG."""
-    figure, axes = plt.subplots(figsize=(10.0, 7.0))
-    _draw_world(axes, world)
+    figure = Figure(figsize=(10.0, 7.0), layout="constrained")
+    axes = figure.subplots()
+    draw_world(axes, world)
     lines = [line for _, line in ride.plans if len(line)]
     for index, line in enumerate(lines):
         label = "planned" if index == 0 else None
@@ -49,12 +46,13 @@ def draw_map(
     axes.set_ylim(way[:, 1].min() - margin_m, way[:, 1].max() + margin_m)
     axes.set(xlabel="x / m", ylabel="y / m", aspect="equal")
     axes.legend(loc="upper left")
-    _save(figure, path)
+    figure.savefig(path, dpi=DPI)
 
 
 def draw_course(path: Path, ride: Ride) -> None:
     """Speed, deviation from the plan and error of the estimated pose, over time, as a PNG."""
-    figure, (upper, middle, lower) = plt.subplots(3, 1, figsize=(10.0, 7.5), sharex=True)
+    figure = Figure(figsize=(10.0, 7.5), layout="constrained")
+    upper, middle, lower = figure.subplots(3, 1, sharex=True)
     upper.plot([s.time_s for s in ride.samples], [s.speed_mps for s in ride.samples], color=_DRIVEN)
     upper.set(ylabel="speed / m/s")
     errors = tracking_errors_m(ride)
@@ -65,25 +63,19 @@ def draw_course(path: Path, ride: Ride) -> None:
     lower.set(xlabel="time / s", ylabel="error of the estimated pose / mm")
     for axes in (upper, middle, lower):
         axes.grid(alpha=0.3)
-    _save(figure, path)
+    figure.savefig(path, dpi=DPI)
 
 
-def _draw_world(axes: Any, world: WorldFile) -> None:
+def draw_world(axes: Any, world: WorldFile) -> None:
+    """The world's fixed things from above; low ones are pale."""
     for box in (*world.walls, *world.boxes, *world.kerbs):
-        _draw_box(axes, box, _OBSTACLE, 0.9 if box.height_m > 0.2 else 0.4)
+        middle, alpha = Pose2(box.x_m, box.y_m, box.yaw_rad), 0.9 if box.height_m > 0.2 else 0.4
+        draw_box(axes, middle, (box.length_m, box.width_m), color=_OBSTACLE, alpha=alpha)
     for cylinder in world.cylinders:
         axes.add_patch(Circle((cylinder.x_m, cylinder.y_m), cylinder.radius_m, color=_OBSTACLE))
 
 
-def _draw_box(axes: Any, box: Box, colour: str, alpha: float) -> None:
-    turned = Affine2D().rotate(box.yaw_rad).translate(box.x_m, box.y_m)
-    corner = (-0.5 * box.length_m, -0.5 * box.width_m)
-    patch = Rectangle(corner, box.length_m, box.width_m, color=colour, alpha=alpha)
-    patch.set_transform(turned + axes.transData)
-    axes.add_patch(patch)
-
-
-def _save(figure: Any, path: Path) -> None:
-    figure.tight_layout()
-    figure.savefig(path, dpi=_DPI)
-    plt.close(figure)
+def draw_box(axes: Any, middle: Pose2, size_m: tuple[float, float], **style: Any) -> None:
+    """A turned rectangle. size_m: length, width."""
+    corner = (middle.x - 0.5 * size_m[0], middle.y - 0.5 * size_m[1])
+    axes.add_patch(Rectangle(corner, *size_m, angle=math.degrees(middle.yaw), rotation_point="center", **style))

@@ -5,19 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
 import numpy as np
+from matplotlib.figure import Figure
 
 from robot_stack.contract.frames import MODULES
-from sim.pictures.ride_plots import draw_map
+from sim.pictures.ride_plots import DPI, draw_map
 from sim.run.ride import Ride, Sample
 from sim.run.run_log import RunLog
 from sim.worldfile import WorldFile
-
-mpl.use("Agg")
-from matplotlib import pyplot as plt
-
-_DPI = 120
 
 
 def draw_all(folder: Path, world: WorldFile, run_log: RunLog) -> list[Path]:
@@ -35,7 +30,8 @@ def _ride(run_log: RunLog) -> Ride:
 
 
 def _draw_speed(path: Path, run_log: RunLog) -> None:
-    figure, rows = plt.subplots(3, 1, figsize=(10.0, 7.0), sharex=True)
+    figure = Figure(figsize=(10.0, 7.0), layout="constrained")
+    rows = figure.subplots(3, 1, sharex=True)
     times = [moment.time_s for moment in run_log.moments]
     requested_s = [time for time, _ in run_log.requested]
     for axes, name, unit in zip(rows, ("vx", "vy", "omega"), ("m/s", "m/s", "rad/s"), strict=True):
@@ -45,11 +41,12 @@ def _draw_speed(path: Path, run_log: RunLog) -> None:
         _mark_events(axes, run_log)
     rows[0].legend(loc="upper right")
     rows[-1].set(xlabel="time / s")
-    _save(figure, path)
+    figure.savefig(path, dpi=DPI)
 
 
 def _draw_wheels(path: Path, run_log: RunLog) -> None:
-    figure, rows = plt.subplots(4, 2, figsize=(12.0, 9.0), sharex=True)
+    figure = Figure(figsize=(12.0, 9.0), layout="constrained")
+    rows = figure.subplots(4, 2, sharex=True)
     times = [moment.time_s for moment in run_log.moments]
     commanded_s = [time for time, _, _ in run_log.commands]
     speeds = np.array([moment.wheel_speeds_mps for moment in run_log.moments])
@@ -66,11 +63,12 @@ def _draw_wheels(path: Path, run_log: RunLog) -> None:
     rows[0][0].legend(loc="upper right")
     for axes in rows[-1]:
         axes.set(xlabel="time / s")
-    _save(figure, path)
+    figure.savefig(path, dpi=DPI)
 
 
 def _draw_states(path: Path, run_log: RunLog) -> None:
-    figure, axes = plt.subplots(figsize=(10.0, 3.0))
+    figure = Figure(figsize=(10.0, 3.0), layout="constrained")
+    axes = figure.subplots()
     end_s = run_log.moments[-1].time_s
     names = list(dict.fromkeys(state for _, state in run_log.states))
     for index, (from_s, state) in enumerate(run_log.states):
@@ -81,7 +79,7 @@ def _draw_states(path: Path, run_log: RunLog) -> None:
     _mark_events(axes, run_log)
     for time_s, text in run_log.events:
         axes.annotate(text, (time_s, 0.0), rotation=90, fontsize=7, va="bottom", ha="right")
-    _save(figure, path)
+    figure.savefig(path, dpi=DPI)
 
 
 def _mark_events(axes: Any, run_log: RunLog) -> None:
@@ -92,9 +90,3 @@ def _mark_events(axes: Any, run_log: RunLog) -> None:
 
 def _wrapped(angles_rad: Any) -> Any:
     return (angles_rad + np.pi) % (2.0 * np.pi) - np.pi
-
-
-def _save(figure: Any, path: Path) -> None:
-    figure.tight_layout()
-    figure.savefig(path, dpi=_DPI)
-    plt.close(figure)

@@ -301,12 +301,10 @@ def _p(outcomes: list[Outcome], name: str, share: float) -> float:
 def _picture(
     metres: dict[float, float], degrees: dict[float, float], ours: list[Outcome], peer: list[Outcome], folder: Path
 ) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     folder.mkdir(parents=True, exist_ok=True)
     figure = Figure(figsize=(12, 4), layout="constrained")
-    FigureCanvasAgg(figure)
     left, middle, right = figure.subplots(1, 3)
     left.plot(list(metres), [100.0 * share for share in metres.values()], "o-")
     left.set(xlabel="start off by, m", ylabel="converged, %", ylim=(0, 102))

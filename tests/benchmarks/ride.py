@@ -114,19 +114,16 @@ class _Errors:
 
 
 def _picture(errors: _Errors, world: WorldFile, folder: Path) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+
+    from sim.pictures.ride_plots import draw_world
 
     folder.mkdir(parents=True, exist_ok=True)
     figure = Figure(figsize=(12, 9), layout="constrained")
-    FigureCanvasAgg(figure)
     top, middle, bottom = figure.subplots(3, 1, height_ratios=[3, 1, 1])
     x, y = (np.array([getattr(fix.truth, axis) for fix in errors.fixes]) for axis in "xy")
     dots = top.scatter(x, y, c=1e3 * errors.position, s=4, cmap="viridis")
-    for item in [*world.walls, *world.boxes]:
-        c, s = math.cos(item.yaw_rad), math.sin(item.yaw_rad)
-        corners = [(a * item.length_m / 2, b * item.width_m / 2) for a, b in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
-        top.fill(*np.array([(item.x_m + c * a - s * b, item.y_m + s * a + c * b) for a, b in corners]).T, color="0.6")
+    draw_world(top, world)
     figure.colorbar(dots, ax=top, label="error, mm")
     top.set_aspect("equal")
     middle.plot(errors.way, 1e3 * errors.along, lw=0.7, label="along")

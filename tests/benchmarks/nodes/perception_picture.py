@@ -6,11 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 
 from robot_stack.contract import topics
 from robot_stack.core.point_cloud import XYZ, xyz_of
@@ -21,7 +18,8 @@ _HALF_M = 10.0
 
 def draw(file: Path, latest: Mapping[str, Any]) -> Path:
     """latest: newest message by topic name; missing ones are left empty."""
-    figure, (left, right) = plt.subplots(1, 2, figsize=(18, 9), dpi=80)
+    figure = Figure(figsize=(18, 9), dpi=80, layout="constrained")
+    left, right = figure.subplots(1, 2)
     cloud, ends, grid = (latest.get(row.name) for row in (topics.OBSTACLES, topics.UNSEEN_SPACE, topics.LOCAL_COSTMAP))
     if ends is not None:
         xyz = xyz_of(points_of(ends, XYZ))
@@ -42,8 +40,6 @@ def draw(file: Path, latest: Mapping[str, Any]) -> Path:
         image = right.imshow(shown, origin="lower", extent=extent, cmap="magma_r", vmin=0, vmax=100)
         figure.colorbar(image, ax=right, label="cost", shrink=0.7)
     right.set(aspect="equal", title="local costmap, odom (grey: unknown)")
-    figure.tight_layout()
     file.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(file)
-    plt.close(figure)
     return file

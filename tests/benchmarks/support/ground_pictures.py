@@ -4,11 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib as mpl
-
-mpl.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from robot_stack.perception import cells as ground
@@ -35,7 +32,8 @@ def draw(
 ) -> None:
     """Left: classes. Right: missed ground and false ground. base_link in the middle, x to the right."""
     folder.mkdir(parents=True, exist_ok=True)
-    figure, (left, right) = plt.subplots(1, 2, figsize=(20, 10), dpi=80)
+    figure = Figure(figsize=(20, 10), dpi=80, layout="constrained")
+    left, right = figure.subplots(1, 2)
     for label, colour, name in _CLASSES:
         mask = seen.labels == label
         left.scatter(xyz[mask, 0], xyz[mask, 1], s=1.0, c=colour, label=f"{name} {int(mask.sum())}", linewidths=0)
@@ -50,9 +48,7 @@ def draw(
     for axes, title in ((left, shot.name), (right, "against the truth")):
         axes.set(xlim=(-_HALF_M, _HALF_M), ylim=(-_HALF_M, _HALF_M), aspect="equal", title=title)
         axes.legend(loc="upper right", markerscale=6)
-    figure.tight_layout()
     figure.savefig(folder / f"{shot.name}.png")
-    plt.close(figure)
 
 
 def _directions(axes: object, seen: Segmented) -> None:

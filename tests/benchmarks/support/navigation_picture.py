@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
-from matplotlib.patches import Polygon
+from matplotlib.figure import Figure
 
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import load_robot
+from sim.pictures.ride_plots import draw_box
 from tests.benchmarks.support.navigation_course import Box, body, course
 from tests.benchmarks.support.navigation_result import CourseResult
 
@@ -22,19 +23,20 @@ def draw(driven: Sequence[tuple[int, bool, CourseResult]], path: Path) -> None:
     worst = sorted(driven, key=lambda item: (item[2].reached, -item[2].collisions, item[2].clearance_m))[:_MOST]
     columns = 2 if len(worst) > 1 else 1
     rows = -(-len(worst) // columns)
-    figure, axes = plt.subplots(rows, columns, figsize=(10 * columns, 5.2 * rows), squeeze=False)
+    figure = Figure(figsize=(10 * columns, 5.2 * rows), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False)
     robot = load_robot()
     for ax, (seed, chair, result) in zip(axes.flat, worst, strict=False):
         footprint = robot.footprint_with_chair if chair else robot.footprint
         made = course(seed, footprint)
         for boxes, colour in ((made.known, "0.3"), (made.unknown, "tab:orange")):
             for box in boxes:
-                ax.add_patch(Polygon(_corners(box), color=colour))
+                _draw(ax, box, color=colour)
         for walked in result.walked:
             ax.plot(*np.array(walked).T, ":", color="tab:red", lw=1)
         trace = np.array(result.trace)
         for x, y, yaw, _ in trace[::20]:
-            ax.add_patch(Polygon(_corners(body(Pose2(x, y, yaw), footprint)), fill=False, lw=0.4, color="tab:blue"))
+            _draw(ax, body(Pose2(x, y, yaw), footprint), fill=False, lw=0.4, color="tab:blue")
         points = ax.scatter(trace[:, 0], trace[:, 1], c=trace[:, 3], s=3, cmap="viridis", vmin=0.0, vmax=1.5, zorder=3)
         figure.colorbar(points, ax=ax, label="m/s", shrink=0.7)
         ax.plot(made.goal.x, made.goal.y, "r*")
@@ -43,13 +45,9 @@ def draw(driven: Sequence[tuple[int, bool, CourseResult]], path: Path) -> None:
         ax.set_aspect("equal")
         ax.set_xlim(0, 32)
         ax.set_ylim(0, 16)
-    figure.tight_layout()
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=70)
-    plt.close(figure)
 
 
-def _corners(box: Box) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    c, s = np.cos(box.yaw), np.sin(box.yaw)
-    signs = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)]) * (box.half_x, box.half_y)
-    return np.column_stack((box.x + c * signs[:, 0] - s * signs[:, 1], box.y + s * signs[:, 0] + c * signs[:, 1]))
+def _draw(axes: Any, box: Box, **style: Any) -> None:
+    draw_box(axes, Pose2(box.x, box.y, box.yaw), (2.0 * box.half_x, 2.0 * box.half_y), **style)
