@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
 
 from robot_stack.film.params import Camera
 
@@ -45,11 +46,6 @@ class View:
 
 def followed(points: Floats, calm_frames: float) -> Floats:
     """(n, 2) the camera's target in each frame: the points, smoothed symmetrically, without lag. calm_frames: standard
-    deviation of the filter.
+    deviation of the filter; 0 changes nothing.
     """
-    if calm_frames <= 0.0 or len(points) < 2:
-        return points
-    reach = math.ceil(3.0 * calm_frames)
-    weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / calm_frames) ** 2)
-    padded = np.pad(points, ((reach, reach), (0, 0)), mode="edge")
-    return np.stack([np.convolve(padded[:, i], weights / weights.sum(), mode="valid") for i in (0, 1)], axis=1)
+    return gaussian_filter1d(points, calm_frames, axis=0, mode="nearest") if calm_frames > 0.0 else points
