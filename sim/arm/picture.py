@@ -9,37 +9,18 @@ import argparse
 import os
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
-
 os.environ.setdefault("MUJOCO_GL", "egl")
 
-import cv2
-import mujoco
+import PIL.Image
 
 from robot_stack.core.config import load
 from sim.arm.params import N_JOINTS, ArmParams
 from sim.arm.world import ArmWorld
+from sim.pictures.picture import View, render
 
 _ABOVE_THE_CUBE = (-0.081, 0.780, 2.222, -1.431, -1.571, -0.081)
+_VIEW = View((0.14, 0.05, 0.34), 1.15, 118.0, -16.0)
 _SIZE = (960, 540)
-_SAMPLES = 2  # per pixel and direction
-
-
-def render(params: ArmParams) -> NDArray[np.uint8]:
-    """(540, 960, 3) RGB of the arm as ``params`` start it."""
-    world = ArmWorld(params, 0.001)
-    camera = mujoco.MjvCamera()
-    camera.lookat[:], camera.distance = (0.14, 0.05, 0.34), 1.15
-    camera.azimuth, camera.elevation = 118.0, -16.0
-    width, height = _SIZE
-    renderer = mujoco.Renderer(world.model, _SAMPLES * height, _SAMPLES * width)
-    try:
-        renderer.update_scene(world.data, camera)
-        fine = renderer.render().reshape(height, _SAMPLES, width, _SAMPLES, 3)
-    finally:
-        renderer.close()
-    return np.asarray(fine.mean(axis=(1, 3)).round(), np.uint8)
 
 
 def main() -> None:
@@ -51,8 +32,8 @@ def main() -> None:
     if len(joints) != N_JOINTS:
         parser.error(f"--joints: must be {N_JOINTS} angles")
     params = load(ArmParams, "sim_manipulator")
-    picture = render(params.model_copy(update={"start_rad": joints}))
-    cv2.imwrite(str(arguments.output), cv2.cvtColor(picture, cv2.COLOR_RGB2BGR))
+    world = ArmWorld(params.model_copy(update={"start_rad": joints}), 0.001)
+    PIL.Image.fromarray(render(world.model, world.data, _VIEW, _SIZE)).save(arguments.output)
 
 
 if __name__ == "__main__":

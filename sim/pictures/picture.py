@@ -11,8 +11,9 @@ import itertools
 import math
 import os
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +23,13 @@ from numpy.typing import NDArray
 os.environ.setdefault("MUJOCO_GL", "egl")
 
 import mujoco
+import PIL.Image
 
 from robot_stack.core.config import ConfigError
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.robot import load_robot
 from sim.params import load_sim_params
-from sim.pictures.picture_figures import paint_boards, paint_passenger
+from sim.pictures.picture_figures import add_capsule, paint_boards, paint_passenger
 from sim.plant.rig import Rig, TwistController
 from sim.plant.world import Setup, World
 from sim.worldfile import load_world
@@ -67,39 +69,32 @@ def from_above(world: World) -> View:
     return View(middle, 1.05 * max(width_m, depth_m), 90.0, -65.0)
 
 
-def render(world: World, view: View, width: int, height: int, route: Sequence[tuple[float, float]] = ()) -> Image:
-    """An (height, width, 3) picture of the present world, with a route painted on the ground, points x, y in m."""
-    world.model.vis.quality.offsamples = _SUPERSAMPLING
-    world.model.vis.quality.shadowsize = _SHADOW_PIXELS
-    world.model.vis.global_.offwidth = max(width, world.model.vis.global_.offwidth)
-    world.model.vis.global_.offheight = max(height, world.model.vis.global_.offheight)
+def render(
+    model: Any, data: Any, view: View, size: tuple[int, int], paint: Callable[[Any], object] = lambda _: None
+) -> Image:
+    """(height, width, 3) red, green, blue of MuJoCo's present state. size: width, height. paint: adds to the scene."""
+    width, height = size
+    model.vis.quality.offsamples = _SUPERSAMPLING
+    model.vis.quality.shadowsize = _SHADOW_PIXELS
+    model.vis.global_.offwidth = max(width, model.vis.global_.offwidth)
+    model.vis.global_.offheight = max(height, model.vis.global_.offheight)
     camera = mujoco.MjvCamera()
     camera.lookat[:] = view.at_m
     camera.distance, camera.azimuth, camera.elevation = view.distance_m, view.azimuth_deg, view.elevation_deg
     options = mujoco.MjvOption()
     options.geomgroup[:] = 1
-    with mujoco.Renderer(world.model, height, width) as renderer:
-        renderer.update_scene(world.data, camera, options)
-        _paint(renderer.scene, route)
-        paint_boards(renderer.scene, world)
-        paint_passenger(renderer.scene, world)
+    with mujoco.Renderer(model, height, width) as renderer:
+        renderer.update_scene(data, camera, options)
+        paint(renderer.scene)
         return np.array(renderer.render())
 
 
-def _paint(scene: Any, route: Sequence[tuple[float, float]]) -> None:
-    for (x0, y0), (x1, y1) in itertools.pairwise(route):
-        geom = scene.geoms[scene.ngeom]
-        mujoco.mjv_initGeom(
-            geom,
-            mujoco.mjtGeom.mjGEOM_CAPSULE,
-            np.zeros(3),
-            np.zeros(3),
-            np.zeros(9),
-            np.array(_ROUTE_COLOR, np.float32),
-        )
-        ends = np.array([x0, y0, 0.01]), np.array([x1, y1, 0.01])
-        mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, 0.03, *ends)
-        scene.ngeom += 1
+def _paint(scene: Any, world: World, route: Sequence[tuple[float, float]]) -> None:
+    """route: points x, y in m, painted on the ground."""
+    for begin, end in itertools.pairwise(route):
+        add_capsule(scene, (*begin, 0.01), (*end, 0.01), 0.03, _ROUTE_COLOR)
+    paint_boards(scene, world)
+    paint_passenger(scene, world)
 
 
 def ride_to(world: str, start: Pose2, twist: Twist2, duration_s: float, passenger_kg: float | None) -> World:
@@ -125,10 +120,9 @@ def main() -> int:
         return 2
     view = from_above(world) if options.view == "above" else beside(world, _TURNS_DEG[options.view])
     points = routes[options.route].points_m if options.route else []
-    image = render(world, view, options.width, options.height, points)
-    from matplotlib import image as files
-
-    files.imsave(options.output, image)
+    size = (options.width, options.height)
+    image = render(world.model, world.data, view, size, partial(_paint, world=world, route=points))
+    PIL.Image.fromarray(image).save(options.output)
     print(options.output)
     return 0
 

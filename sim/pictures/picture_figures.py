@@ -7,7 +7,7 @@ from typing import Any
 import cv2
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from robot_stack.core.docks import load_docks
 from sim.plant.wheelchair import matrix_of
@@ -19,6 +19,7 @@ _WHITE, _BLACK = (1.0, 1.0, 1.0, 1.0), (0.05, 0.05, 0.05, 1.0)
 _SHIRT, _TROUSERS, _SKIN = (0.62, 0.22, 0.20, 1.0), (0.20, 0.22, 0.28, 1.0), (0.86, 0.68, 0.56, 1.0)
 _MARGIN = 1.25  # of the paper around a marker
 Matrix = NDArray[np.float64]
+Point = tuple[float, float, float]
 Rgba = tuple[float, float, float, float]
 
 
@@ -63,24 +64,26 @@ def paint_passenger(scene: Any, world: World) -> None:
         _limb(scene, at, (0.20, arm, seat + 0.18), (0.42, arm, seat + 0.18), 0.04, _SKIN)
 
 
-def _box(scene: Any, at: Matrix, centre: tuple[float, ...], half: tuple[float, ...], color: Rgba) -> None:
-    if scene.ngeom >= scene.maxgeom:
-        return
-    geom = scene.geoms[scene.ngeom]
-    place = at[:3, :3] @ centre + at[:3, 3]
-    kind = mujoco.mjtGeom.mjGEOM_BOX
-    mujoco.mjv_initGeom(geom, kind, np.array(half), place, at[:3, :3].flatten(), np.array(color, np.float32))
-    scene.ngeom += 1
+def _box(scene: Any, at: Matrix, centre: Point, half: Point, color: Rgba) -> None:
+    _add(scene, mujoco.mjtGeom.mjGEOM_BOX, np.array(half), at[:3, :3] @ centre + at[:3, 3], at[:3, :3], color)
 
 
-def _limb(
-    scene: Any, at: Matrix, start: tuple[float, ...], end: tuple[float, ...], radius_m: float, color: Rgba
-) -> None:
+def _limb(scene: Any, at: Matrix, start: Point, end: Point, radius_m: float, color: Rgba) -> None:
+    add_capsule(scene, at[:3, :3] @ start + at[:3, 3], at[:3, :3] @ end + at[:3, 3], radius_m, color)
+
+
+def add_capsule(scene: Any, start: ArrayLike, end: ArrayLike, radius_m: float, color: Rgba) -> None:
+    """A round line between two points, m, in the world. A full scene stays as it is."""
+    geom = _add(scene, mujoco.mjtGeom.mjGEOM_CAPSULE, np.zeros(3), np.zeros(3), np.eye(3), color)
+    if geom is not None:
+        mujoco.mjv_connector(geom, mujoco.mjtGeom.mjGEOM_CAPSULE, radius_m, np.array(start), np.array(end))
+
+
+def _add(scene: Any, kind: int, size: Matrix, place: Matrix, turn: Matrix, color: Rgba) -> Any:
+    """The new geom; None if the scene is full."""
     if scene.ngeom >= scene.maxgeom:
-        return
+        return None
     geom = scene.geoms[scene.ngeom]
-    kind = mujoco.mjtGeom.mjGEOM_CAPSULE
-    mujoco.mjv_initGeom(geom, kind, np.zeros(3), np.zeros(3), np.zeros(9), np.array(color, np.float32))
-    ends = [at[:3, :3] @ point + at[:3, 3] for point in (start, end)]
-    mujoco.mjv_connector(geom, kind, radius_m, *ends)
+    mujoco.mjv_initGeom(geom, kind, size, place, turn.flatten(), np.array(color, np.float32))
     scene.ngeom += 1
+    return geom
