@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import time
-from statistics import quantiles
 
 from robot_stack.core.config import load
 from robot_stack.core.geometry import Twist2
@@ -20,7 +19,7 @@ from robot_stack.drive.params import (
 )
 from robot_stack.drive.permission import Situation, permit
 from robot_stack.drive.swerve_drive import SwerveDrive
-from tests.benchmarks.support.framework import Aim, Result
+from tests.benchmarks.support.framework import Aim, Result, percentile
 
 AIMS = {"step_us_p50": Aim("<", 20.0)}
 _TICK_S = 0.05
@@ -38,7 +37,7 @@ def run(ticks: int = 6000) -> Result:
     """(figures in microseconds, conditions): ``ticks`` steps at 20 Hz of ride time, without pacing."""
     twists = [course(tick * _TICK_S) for tick in range(ticks)]
     steps_us = _controller_us(twists)
-    figures = {"step_us_p50": _percentile(steps_us, 50), "step_us_p99": _percentile(steps_us, 99)}
+    figures = {"step_us_p50": percentile(steps_us, 0.5), "step_us_p99": percentile(steps_us, 0.99)}
     conditions: dict[str, object] = {
         "ticks": ticks,
         "step": "arbitration, permission, all limits, feasibility, inverse kinematics, desaturation",
@@ -49,7 +48,7 @@ def run(ticks: int = 6000) -> Result:
     except ImportError as error:
         conditions["wpilib"] = f"not measured: {error}"
     else:
-        figures["wpilib_us_p50"] = _percentile(wpilib_us, 50)
+        figures["wpilib_us_p50"] = percentile(wpilib_us, 0.5)
     return Result(figures, conditions)
 
 
@@ -87,7 +86,3 @@ def _wpilib_us(twists: list[Twist2]) -> list[float]:
         SwerveDrive4Kinematics.desaturateWheelSpeeds(states, 1.5)
         times.append((time.perf_counter_ns() - start_ns) * 1e-3)
     return times
-
-
-def _percentile(values: list[float], percent: int) -> float:
-    return quantiles(values, n=100, method="inclusive")[percent - 1]
