@@ -22,6 +22,7 @@ _THINNEST_M = 0.02
 _ROBUST = 3.0  # deviations at which a point loses half its weight
 _SMALL_STEP = 2e-5  # m and rad
 _INLIER = 9.0  # squared deviations
+_HELD = 1e-6  # weight of the initial pose, 1/m2 and 1/rad2: directions without points do not move
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,15 +37,10 @@ class Target:
 
 @dataclass(frozen=True, slots=True)
 class Alignment:
-    """pose: (4, 4). information: (6, 6) of translation and rotation in the pose's own frame.
-
-    share: [0, 1] of the points within three deviations of a distribution. found: share in a voxel with a distribution.
-    """
+    """pose: (4, 4). share: [0, 1] of the points within three deviations of a distribution."""
 
     pose: Floats
-    information: Floats
     share: float
-    found: float
 
 
 def target_of(cells: Cells) -> Target:
@@ -57,26 +53,20 @@ def target_of(cells: Cells) -> Target:
     return Target(cells.size_m, keys[order], cells.mean[order], information[order])
 
 
-def align(
-    points: Floats, targets: Sequence[Target], initial: Floats, held: Floats | None = None, most_iterations: int = 15
-) -> Alignment:
-    """(n, 3) points, from the coarsest target to the finest. held: (6,) weights 1/m2, 1/rad2 that hold ``initial``."""
-    pose = initial
-    held = np.full(6, 1e-6) if held is None else held
-    count = max(len(points), 1)
-    normal, share, found = np.diag(held), 0.0, 0.0
+def align(points: Floats, targets: Sequence[Target], initial: Floats, most_iterations: int = 15) -> Alignment:
+    """(n, 3) points, from the coarsest target to the finest."""
+    pose, inside = initial, 0
     for target in targets:
         for _ in range(most_iterations):
             at = transform(pose, points)
             index = _voxels(target, at)
             normal, pull, inside = _accumulate(points, at, pose[:3, :3], index, target.mean, target.information)
-            share, found = inside / count, float((index >= 0).sum()) / count
-            pull = pull + held * difference(initial, pose)
-            step = np.linalg.solve(normal + np.diag(held), pull).astype(np.float64, copy=False)
+            pull = pull + _HELD * difference(initial, pose)
+            step = np.linalg.solve(normal + _HELD * np.eye(6), pull).astype(np.float64, copy=False)
             pose = moved(pose, step)
             if np.abs(step).max() < _SMALL_STEP:
                 break
-    return Alignment(pose, normal, share, found)
+    return Alignment(pose, inside / max(len(points), 1))
 
 
 def _voxels(target: Target, points: Floats) -> np.ndarray:
