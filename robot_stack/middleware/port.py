@@ -13,6 +13,7 @@ from enum import Enum, auto
 from typing import Any, ParamSpec, Protocol, TypeVar
 
 from robot_stack.contract.model import Action, Topic
+from robot_stack.core.goals import GoalStatus
 from robot_stack.core.node_record import NodeRecord
 from robot_stack.core.worker import Worker
 from robot_stack.middleware.timers import NodeTimer
@@ -85,15 +86,6 @@ class CancelAnswer(Enum):
     REJECTED = auto()
     UNKNOWN_GOAL = auto()
     ALREADY_ENDED = auto()
-
-
-class GoalStatus(Enum):
-    """The final status of a goal, as in the result response. UNKNOWN: the server does not have the goal."""
-
-    UNKNOWN = auto()
-    SUCCEEDED = auto()
-    ABORTED = auto()
-    CANCELED = auto()
 
 
 class ClientGoal(Protocol):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.goals import NavigationEvent, SendGoal
 from robot_stack.core.mission import Kind, Mission
 from robot_stack.mission.record import Record
 
@@ -71,54 +72,6 @@ class PassengerChanged:
 
 
 @dataclass(frozen=True, slots=True)
-class NavigationAccepted:
-    """The navigation controller accepted the goal of SendGoal number ``call``."""
-
-    call: int
-
-
-@dataclass(frozen=True, slots=True)
-class NavigationFeedback:
-    """distance_m: along the plan to the goal."""
-
-    call: int
-    distance_m: float
-
-
-@dataclass(frozen=True, slots=True)
-class NavigationSucceeded:
-    """The navigation controller reached the goal, by its own measure."""
-
-    call: int
-
-
-@dataclass(frozen=True, slots=True)
-class NavigationRejected:
-    call: int
-
-
-@dataclass(frozen=True, slots=True)
-class NavigationAborted:
-    """code: of nav2_msgs, 0 if another goal preempted this one. reason: in words."""
-
-    call: int
-    code: int
-    reason: str
-
-
-@dataclass(frozen=True, slots=True)
-class NavigationCanceled:
-    call: int
-
-
-@dataclass(frozen=True, slots=True)
-class NavigationLost:
-    """The server does not have the goal: it restarted, is gone, or did not receive it."""
-
-    call: int
-
-
-@dataclass(frozen=True, slots=True)
 class DockingAccepted:
     """The docking controller accepted the goal of StartDocking number ``call``."""
 
@@ -160,8 +113,6 @@ class Tick:
 
 
 DockingEvent = DockingAccepted | DockingFeedback | DockingEnded
-NavigationEnded = NavigationSucceeded | NavigationRejected | NavigationAborted | NavigationCanceled | NavigationLost
-NavigationEvent = NavigationAccepted | NavigationFeedback | NavigationEnded
 Event = Command | EmergencyStopBegan | PassengerChanged | NavigationEvent | DockingEvent | JournalFailed | Tick
 
 
@@ -188,14 +139,6 @@ class SaveRecord:
     """Write the record to the journal. On failure: drop the effects after this one and report JournalFailed."""
 
     record: Record
-
-
-@dataclass(frozen=True, slots=True)
-class SendGoal:
-    """Sends a goal to the navigation controller. call: number of this goal, repeated in its events. pose: in map."""
-
-    call: int
-    pose: Pose2
 
 
 @dataclass(frozen=True, slots=True)

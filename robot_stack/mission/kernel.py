@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from robot_stack.core.departure import SETTING_OUT, Departure, DepartureParams
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.goals import NAVIGATION, NavigationGoals
 from robot_stack.core.mission import Kind, docking_problem
 from robot_stack.mission import display, docking, guards, route, status
 from robot_stack.mission import events as ev
@@ -28,7 +29,6 @@ from robot_stack.mission.events import (
 )
 from robot_stack.mission.guards import finite
 from robot_stack.mission.leg import Leg
-from robot_stack.mission.navigation import SERVER, NavigationCalls
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.record import Record, restored
 from robot_stack.mission.states import ACTIVE, AT_DOCK, UNDER_WAY, State, Trigger, target_of
@@ -39,7 +39,7 @@ _LONGEST_STEP_S = 1.0
 _LONGEST_NAME = 64
 _BEGIN_DOCKING = {Kind.DOCK: Trigger.DOCK_HERE, Kind.UNDOCK: Trigger.UNDOCK_HERE}
 _RESUME_DOCKING = {Kind.DOCK: Trigger.RESUME_DOCKING, Kind.UNDOCK: Trigger.RESUME_UNDOCKING}
-_NO_SERVER = f"waiting for {SERVER}"
+_NO_SERVER = f"waiting for {NAVIGATION}"
 _EMERGENCY = "emergency stop is active: release it and reset the safety monitor first"
 
 
@@ -63,7 +63,8 @@ class MissionKernel:
         self._params = params
         self._docks = docks or {}
         self._calls = DockingCalls(params)
-        self._navigation = NavigationCalls(params)
+        self._navigation = NavigationGoals(params.goal_retry_s)
+        self._planned_s = 0.0  # for which navigation has had a plan while the robot should stand
         self._announcements = display.Announcements(params.announcement_s)
         self._record = restored(record or Record())
         self._before = self._record
@@ -303,7 +304,7 @@ class MissionKernel:
             self._held = _NO_SERVER
             assert inputs.pose is not None
             stalls = self._leg.stalls(inputs.pose, goal, math.nan, dt_s)
-            return self._try_failed(inputs.pose, f"no {SERVER}") if stalls else ()
+            return self._try_failed(inputs.pose, f"no {NAVIGATION}") if stalls else ()
         if not self._departure.cleared(dt_s):
             self._held = SETTING_OUT
             return ()
@@ -384,8 +385,12 @@ class MissionKernel:
 
     def _rest(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         """In PAUSED and STOPPED the robot does not drive: a goal that navigation still has is cancelled again."""
-        if self._record.state not in ACTIVE or not self._navigation.unwanted(inputs.planned, dt_s):
+        if self._record.state not in ACTIVE:
             return ()
+        self._planned_s = self._planned_s + dt_s if inputs.planned else 0.0
+        if self._planned_s < self._params.goal_retry_s:
+            return ()
+        self._planned_s = 0.0
         return (CancelGoal(everything=True),)
 
     def _retry_journal(self, dt_s: float) -> tuple[Effect, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from robot_stack.core.geometry import Pose2
+from robot_stack.core.goals import SendGoal
 from robot_stack.core.mission import Kind
 from robot_stack.mission.events import (
     CancelDocking,
@@ -16,7 +16,6 @@ from robot_stack.mission.events import (
     PublishEmergencyStop,
     ReportStatus,
     SaveRecord,
-    SendGoal,
     StartDocking,
     Status,
     WarnOfDeparture,
@@ -48,7 +47,7 @@ class Journal(Protocol):
 class Outputs(Protocol):
     """Outputs of the mission manager. None of these fails."""
 
-    def send_goal(self, call: int, pose: Pose2) -> None: ...
+    def send_goal(self, goal: SendGoal) -> None: ...
     def cancel_goal(self, everything: bool) -> None: ...
     def start_docking(self, call: int, kind: Kind, dock_id: str) -> None: ...
     def cancel_docking(self, everything: bool) -> None: ...
@@ -80,8 +79,8 @@ class Performer:
                     except JournalError as error:
                         self.handle(JournalFailed(str(error)), inputs, now_s)
                         return
-                case SendGoal(call, pose):
-                    self._outputs.send_goal(call, pose)
+                case SendGoal():
+                    self._outputs.send_goal(effect)
                 case CancelGoal(everything):
                     self._outputs.cancel_goal(everything)
                 case StartDocking(call, kind, dock_id):

@@ -14,7 +14,8 @@ from rclpy.node import Node
 from rclpy.task import Future
 from unique_identifier_msgs.msg import UUID
 
-from robot_stack.middleware.port import ActionGoal, CancelAnswer, GoalStatus
+from robot_stack.core.goals import GoalStatus
+from robot_stack.middleware.port import ActionGoal, CancelAnswer
 
 _CANCEL_ANSWERS = {
     CancelGoal.Response.ERROR_NONE: CancelAnswer.ACCEPTED,

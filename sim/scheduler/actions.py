@@ -7,9 +7,10 @@ from collections.abc import Callable
 from typing import Any
 
 from robot_stack.contract.model import Action
+from robot_stack.core.goals import GoalStatus
 from robot_stack.middleware.conversions import NANOSECONDS
 from robot_stack.middleware.interfaces import interface_class
-from robot_stack.middleware.port import ActionGoal, CancelAnswer, GoalStatus
+from robot_stack.middleware.port import ActionGoal, CancelAnswer
 from robot_stack.ros.serialization import deserialize_message, serialize_message
 from sim.scheduler.calls import Calls
 from sim.scheduler.parts import SimPort

@@ -8,8 +8,9 @@ from typing import Any, TypeVar
 from custom_msgs.srv import InjectFault
 from robot_stack.contract import services
 from robot_stack.contract.model import Action, Durability, Service, Topic
+from robot_stack.core.goals import GoalStatus
 from robot_stack.middleware.interfaces import interface_class
-from robot_stack.middleware.port import GoalStatus, Port, Publisher
+from robot_stack.middleware.port import Port, Publisher
 from sim.scheduler.scheduler import Scheduler
 
 ValueT = TypeVar("ValueT")

@@ -8,15 +8,18 @@ from typing import Any
 from custom_msgs.action import Dock, Undock
 from robot_stack.contract import actions
 from robot_stack.contract.states import DockingState
+from robot_stack.core.goals import GoalStatus
 from robot_stack.core.mission import Kind
+from robot_stack.middleware.goal_client import GoalClient
 from robot_stack.middleware.node import StackNode
-from robot_stack.middleware.port import GoalStatus
 from robot_stack.mission.events import DockingAccepted, DockingEnded, DockingEvent, DockingFeedback
-from robot_stack.mission.nodes.goal_client import GoalClient
 
 _SAFETY_STOPS = {Kind.DOCK: Dock.Result.SAFETY_STOP, Kind.UNDOCK: Undock.Result.SAFETY_STOP}
 _RESULTS = {Kind.DOCK: Dock.Result, Kind.UNDOCK: Undock.Result}
-_FORGOTTEN = "docking_controller has no such goal: was it restarted?"
+_NO_RESULT = {
+    GoalStatus.REJECTED: "the goal was rejected",
+    GoalStatus.UNKNOWN: "docking_controller has no such goal: was it restarted?",
+}
 
 
 class DockingClient:
@@ -73,17 +76,14 @@ class _Events:
     def accepted(self, call: int) -> None:
         self._client.report(DockingAccepted(call))
 
-    def rejected(self, call: int) -> None:
-        self._client.report(DockingEnded(call, False, "the goal was rejected"))
-
     def feedback(self, call: int, feedback: Any) -> None:
         self._client.doubted = False
         tries = feedback.tries if self._kind is Kind.DOCK else 0
         self._client.report(DockingFeedback(call, feedback.state, tries))
 
     def ended(self, call: int, status: GoalStatus, result: Any) -> None:
-        if status is GoalStatus.UNKNOWN:
-            self._client.report(DockingEnded(call, False, _FORGOTTEN))
+        if status in _NO_RESULT:
+            self._client.report(DockingEnded(call, False, _NO_RESULT[status]))
             return
         success = result.success and status is GoalStatus.SUCCEEDED
         reason = "" if success else reason_of(self._kind, result.error_code, result.reason)

@@ -16,12 +16,12 @@ from robot_stack.core.docks import load_docks
 from robot_stack.core.mission_library import MissionError, mission_library
 from robot_stack.middleware.conversions import pose_from_msg, twist_from_msg
 from robot_stack.middleware.motion_warning import MotionWarnings
+from robot_stack.middleware.navigation_client import NavigationClient
 from robot_stack.middleware.node import StackNode, run
 from robot_stack.mission import events as ev
 from robot_stack.mission.journal import SqliteJournal, journal_path
 from robot_stack.mission.kernel import MissionKernel
 from robot_stack.mission.nodes.docking_client import DockingClient
-from robot_stack.mission.nodes.navigation_client import NavigationClient
 from robot_stack.mission.nodes.outputs import MissionOutputs
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.perform import Performer, load_record

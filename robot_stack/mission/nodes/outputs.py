@@ -6,13 +6,13 @@ from geometry_msgs.msg import PoseStamped
 
 from custom_msgs.msg import EHMIState, MissionStatus
 from robot_stack.contract import frames, topics
-from robot_stack.core.geometry import Pose2
+from robot_stack.core.goals import SendGoal
 from robot_stack.core.mission import Kind
 from robot_stack.middleware.motion_warning import MotionWarnings
+from robot_stack.middleware.navigation_client import NavigationClient
 from robot_stack.middleware.node import StackNode
 from robot_stack.mission.events import Status
 from robot_stack.mission.nodes.docking_client import DockingClient
-from robot_stack.mission.nodes.navigation_client import NavigationClient
 from robot_stack.mission.params import MissionParams
 
 
@@ -37,8 +37,8 @@ class MissionOutputs:
         self._display: int | None = None
         self.reason = ""
 
-    def send_goal(self, call: int, pose: Pose2) -> None:
-        self._navigation.send(call, pose)
+    def send_goal(self, goal: SendGoal) -> None:
+        self._navigation.send(goal)
 
     def cancel_goal(self, everything: bool) -> None:
         if not everything:

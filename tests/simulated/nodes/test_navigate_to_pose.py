@@ -10,8 +10,8 @@ from custom_msgs.msg import SafetyStatus
 from nav2_msgs.action import NavigateToPose
 from robot_stack.contract import actions, topics
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.goals import GoalStatus
 from robot_stack.middleware.conversions import pose_from_msg, pose_stamped, time_to_s
-from robot_stack.middleware.port import GoalStatus
 from robot_stack.navigation.goal import GoalCode
 from tests.simulated.bench import Bench
 from tests.simulated.nodes.test_navigation import AHEAD, GOAL, TICK_S, Scene, moving

@@ -9,6 +9,7 @@ import pytest
 from robot_stack.core.config import load
 from robot_stack.core.departure import DepartureParams
 from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.goals import GoalStatus, NavigationEnded, NavigationFeedback, SendGoal
 from robot_stack.core.mission import Kind, Mission
 from robot_stack.mission import events as ev
 from robot_stack.mission.kernel import MissionKernel
@@ -71,9 +72,9 @@ class Story:
         self.performer.start_up(self.inputs, self.now_s)
 
     # outputs
-    def send_goal(self, call: int, pose: Pose2) -> None:
-        self.goal, self.goal_call = pose, call
-        self.log.append(("goal", pose))
+    def send_goal(self, goal: SendGoal) -> None:
+        self.goal, self.goal_call = goal.pose, goal.call
+        self.log.append(("goal", goal.pose))
 
     def cancel_goal(self, everything: bool) -> None:
         self.goal = None
@@ -144,11 +145,15 @@ class Story:
 
     def drives(self, distance_m: float) -> Story:
         """Navigation's feedback: the length left of its plan."""
-        return self.happens(ev.NavigationFeedback(self.goal_call, distance_m))
+        return self.happens(NavigationFeedback(self.goal_call, distance_m))
 
     def aborts(self, code: int = 104, reason: str = "gave up") -> Story:
         """Navigation ends the goal."""
-        return self.happens(ev.NavigationAborted(self.goal_call, code, reason))
+        return self.happens(NavigationEnded(self.goal_call, GoalStatus.ABORTED, code, reason))
+
+    def loses_goal(self) -> Story:
+        """Navigation does not have the goal any more."""
+        return self.happens(NavigationEnded(self.goal_call, GoalStatus.UNKNOWN))
 
     def emergency(self, active: bool) -> Story:
         self.given(emergency_stop=active)

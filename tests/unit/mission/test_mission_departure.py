@@ -128,7 +128,7 @@ def test_a_robot_that_stands_without_a_known_reason_is_warned_of_too(story):
 
 
 def test_a_navigation_controller_that_comes_back_late_gets_its_goal_after_a_warning(story):
-    story.start("park").given(navigation_served=False).happens(ev.NavigationLost(story.goal_call)).tick(12.0)
+    story.start("park").given(navigation_served=False).loses_goal().tick(12.0)
     assert story.status.reason == "waiting for navigation_controller"
     story.clear().goal = None
     story.given(navigation_served=True)

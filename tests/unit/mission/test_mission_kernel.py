@@ -10,6 +10,7 @@ import pytest
 
 from robot_stack.contract.display import Display
 from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.goals import GoalStatus, NavigationEnded
 from robot_stack.core.mission import Mission
 from robot_stack.mission import diagram
 from robot_stack.mission import events as ev
@@ -38,7 +39,7 @@ def test_comes_up_idle_and_silent(story):
 def test_start_journals_before_the_goal_leaves(story):
     order: list[str] = []
     story.journal.save = lambda record: order.append(record.state.value)
-    story.send_goal = lambda call, pose: order.append(f"goal {pose.x}")
+    story.send_goal = lambda goal: order.append(f"goal {goal.pose.x}")
     story.start("park")
     assert order == ["RUNNING", "goal 2.0"]
 
@@ -445,22 +446,22 @@ def test_tries_begin_afresh_at_the_next_waypoint_and_after_resume(story):
 
 
 def test_a_goal_is_sent_once(story):
-    story.start("park").clear().happens(ev.NavigationAccepted(story.goal_call)).tick(10.0)
+    story.start("park").clear().drives(2.0).tick(10.0)
     assert story.goals() == []
 
 
 ENDS = {
-    "aborted": lambda call: ev.NavigationAborted(call, 208, "no path"),
-    "preempted": lambda call: ev.NavigationAborted(call, 0, "preempted by a newer goal"),
-    "rejected": ev.NavigationRejected,
-    "cancelled by another client": ev.NavigationCanceled,
-    "reached, but not the waypoint": ev.NavigationSucceeded,
+    "aborted": (GoalStatus.ABORTED, 208, "no path"),
+    "preempted": (GoalStatus.ABORTED, 0, "preempted by a newer goal"),
+    "rejected": (GoalStatus.REJECTED,),
+    "cancelled by another client": (GoalStatus.CANCELED,),
+    "reached, but not the waypoint": (GoalStatus.SUCCEEDED,),
 }
 
 
 @pytest.mark.parametrize("end", ENDS.values(), ids=ENDS)
 def test_a_goal_that_ends_before_the_waypoint_is_sent_again_after_a_pause(story, end):
-    story.start("park").clear().happens(end(story.goal_call)).tick(1.8)
+    story.start("park").clear().happens(NavigationEnded(story.goal_call, *end)).tick(1.8)
     assert story.goals() == []
     story.tick(0.3)
     assert story.goals() == [2.0]
@@ -490,18 +491,19 @@ def test_the_reason_of_an_earlier_goal_is_not_shown(story):
 def test_events_of_an_earlier_goal_are_ignored(story, end):
     story.start("pass", "park")
     call = story.goal_call
-    story.at(1.7).tick().clear().happens(end(call)).happens(ev.NavigationLost(call)).tick(5.0)
+    story.at(1.7).tick().clear().happens(NavigationEnded(call, *end))
+    story.happens(NavigationEnded(call, GoalStatus.UNKNOWN)).tick(5.0)
     assert story.goals() == []
 
 
 def test_a_lost_goal_is_sent_again_at_once(story):
     """The navigation controller has restarted."""
-    story.start("park").tick(1.0).clear().happens(ev.NavigationLost(story.goal_call)).tick()
+    story.start("park").tick(1.0).clear().loses_goal().tick()
     assert story.goals() == [2.0]
 
 
 def test_without_a_navigation_controller_the_tries_fail(story):
-    story.start("park").at(0.3).given(navigation_served=False).happens(ev.NavigationLost(story.goal_call)).clear()
+    story.start("park").at(0.3).given(navigation_served=False).loses_goal().clear()
     story.tick()
     assert story.status.reason == "waiting for navigation_controller"
     begun_s = story.now_s
@@ -516,13 +518,13 @@ def test_without_a_navigation_controller_the_tries_fail(story):
 def test_a_waypoint_is_reached_without_a_navigation_controller(story):
     """It ended after it had driven the robot there."""
     story.start("park").at(1.9, speed=0.1).tick().given(navigation_served=False)
-    story.happens(ev.NavigationLost(story.goal_call)).reach(2.0)
+    story.loses_goal().reach(2.0)
     assert story.state is State.COMPLETED
 
 
 def test_time_without_a_navigation_controller_does_not_count_while_the_robot_may_not_move(story):
     story.start("park").at(0.3).given(navigation_served=False, faults=("COLLISION_IMMINENT",))
-    story.happens(ev.NavigationLost(story.goal_call)).tick(60.0)
+    story.loses_goal().tick(60.0)
     assert story.kernel.record.failed_tries == 0
     assert "held by safety" in story.status.reason
 
@@ -535,7 +537,7 @@ def test_nothing_is_sent_after_a_loss_without_a_ride(story, state):
     if state == "COMPLETED":
         story.tick(3.0)
     assert story.state.value == state
-    story.clear().happens(ev.NavigationLost(story.goal_call)).tick(1.0)
+    story.clear().loses_goal().tick(1.0)
     assert story.log == []
 
 

@@ -7,7 +7,8 @@ from std_srvs.srv import SetBool
 
 from custom_msgs.action import Dock
 from robot_stack.contract import actions
-from robot_stack.middleware.port import CancelAnswer, GoalStatus
+from robot_stack.core.goals import GoalStatus
+from robot_stack.middleware.port import CancelAnswer
 from tests.unit.scheduler.rig import params, rig
 
 _TYPE = "std_srvs/srv/SetBool"

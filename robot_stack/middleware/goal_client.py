@@ -11,8 +11,9 @@ from functools import partial
 from typing import Any, Protocol
 
 from robot_stack.contract.model import Action
+from robot_stack.core.goals import GoalStatus
 from robot_stack.middleware.node import StackNode
-from robot_stack.middleware.port import CancelAnswer, ClientGoal, GoalStatus
+from robot_stack.middleware.port import CancelAnswer, ClientGoal
 
 # Period of result requests for a goal that may be lost.
 _ASK_S = 1.0
@@ -24,11 +25,10 @@ class GoalEvents(Protocol):
     """Receives the events of the goals by their numbers, in the node's thread."""
 
     def accepted(self, call: int) -> None: ...
-    def rejected(self, call: int) -> None: ...
     def feedback(self, call: int, feedback: Any) -> None: ...
 
     def ended(self, call: int, status: GoalStatus, result: Any) -> None:
-        """UNKNOWN: the server does not have the goal; then ``result`` has no content."""
+        """``result`` has no content if the status is UNKNOWN or REJECTED."""
         ...
 
 
@@ -106,9 +106,8 @@ class GoalClient:
     def _on_answer(self, goal: _Goal, accepted: bool) -> None:
         if accepted:
             self._on_accepted(goal)
-        elif not goal.ended:
-            goal.ended = True
-            self._events.rejected(goal.call)
+        else:
+            self._end(goal, GoalStatus.REJECTED, None)
 
     def _on_accepted(self, goal: _Goal) -> None:
         goal.last_s = self._node.steady_s()
