@@ -19,7 +19,7 @@ NAVIGATE_TO_POSE = Action(
     "/navigate_to_pose",
     "nav2_msgs/action/NavigateToPose",
     "navigation_controller",
-    ("mission_manager", OPERATOR_TOOL),
+    ("mission_manager", "docking_controller", OPERATOR_TOOL),
     "drive to a pose in map, as in Nav2; a newer goal, also one of /goal_pose, preempts it",
 )
 FOLLOW_JOINT_TRAJECTORY = Action(

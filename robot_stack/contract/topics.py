@@ -294,7 +294,7 @@ GOAL_POSE = Topic(
     "/goal_pose",
     "geometry_msgs/msg/PoseStamped",
     qos.COMMAND,
-    ("mission_manager", "docking_controller", "touch_ui", TEST_TOOL),
+    ("mission_manager", "touch_ui", TEST_TOOL),
     ("navigation_controller",),
     "goal in map, without a result (/navigate_to_pose has one); an empty frame_id ends the goal of any client",
     wakes=("navigation_controller",),
@@ -304,7 +304,7 @@ PLAN = Topic(
     "nav_msgs/msg/Path",
     qos.LATCHED,
     ("navigation_controller",),
-    ("touch_ui", "mission_manager", "docking_controller"),
+    ("touch_ui", "mission_manager"),
     "path to the current goal in map; empty without a goal",
 )
 NAVIGATION_STATUS = Topic(

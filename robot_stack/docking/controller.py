@@ -18,6 +18,7 @@ from robot_stack.contract.states import SERVOED, DockingState
 from robot_stack.core.departure import SETTING_OUT, Departure
 from robot_stack.core.docks import Dock
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
+from robot_stack.core.goals import NavigationEvent, NavigationGoals
 from robot_stack.docking.dock_calibration import Correction, learnt
 from robot_stack.docking.dock_tracker import DockTracker
 from robot_stack.docking.guard import Guard, held
@@ -75,6 +76,7 @@ class DockingController:
         self.corrections = dict(corrections or {})
         self.tracker = DockTracker(params.target, mountings)
         self._departure = departure
+        self._goals = NavigationGoals(params.staging.goal_retry_s)
         self._keeper = LatchKeeper()
         self._guard = Guard(params, undocking=False)
         self._state = DockingState.IDLE
@@ -132,7 +134,7 @@ class DockingController:
         self._undocking, self._tries, self._distance_m = False, 1, 0.0
         self._guard = Guard(self._params, undocking=False)
         self.tracker.look_for(dock, self.corrections.get(dock_id, Correction()))
-        self._enter(Trigger.DOCK, DriveToStaging(dock.staging.pose(), self._params.staging, only=approach_only))
+        self._enter(Trigger.DOCK, self._drive_to_staging(dock, only=approach_only))
         return None
 
     def undock(self, situation: Situation) -> Result | None:
@@ -179,6 +181,10 @@ class DockingController:
         """Adds the markers of all cameras' newest images."""
         self.tracker.on_markers(markers)
 
+    def on_navigation(self, event: NavigationEvent) -> None:
+        """Adds an event of a goal that an output sent."""
+        self._goals.on_event(event)
+
     # --- tick --------------------------------------------------------------------------------------------------------
 
     def tick(self, situation: Situation) -> Output:
@@ -214,7 +220,6 @@ class DockingController:
         return not self._departure.cleared(dt_s)
 
     def _act(self, step: Step, view: View) -> Output:
-        was_driven = isinstance(self._phase, DriveToStaging)
         self._text = step.text
         if isinstance(self._phase, BackingOff):
             self._distance_m = self._phase.distance_m
@@ -235,7 +240,7 @@ class DockingController:
             tries=self._tries,
             distance_m=self._distance_m,
             goal=step.goal,
-            cancel_goal=was_driven and not isinstance(self._phase, DriveToStaging),
+            cancel_goal=not isinstance(self._phase, DriveToStaging) and self._goals.must_cancel(view.dt_s),
             result=result,
         )
 
@@ -287,6 +292,9 @@ class DockingController:
         assert self._dock is not None
         return Latching(self._dock, p.latch)
 
+    def _drive_to_staging(self, dock: Dock, *, only: bool = False) -> DriveToStaging:
+        return DriveToStaging(dock.staging.pose(), self._goals, self._params.staging, only=only)
+
     def _give_up(self, failure: Failure, view: View) -> Result | None:
         """The job, or only this try."""
         if failure.final or self._undocking or self._tries >= self._params.tries:
@@ -294,7 +302,7 @@ class DockingController:
             return self._result(failure.code, failure.reason, view)
         assert self._dock is not None
         back = self.tracker.dock_pose_in_odom()
-        phase: Phase = DriveToStaging(self._dock.staging.pose(), self._params.staging, only=False)
+        phase: Phase = self._drive_to_staging(self._dock)
         if back is not None and self._state is not DockingState.APPROACH:
             phase = BackToStaging(back, self._params.staging, self._params.motion)
         self._tries += 1

@@ -70,7 +70,7 @@ class StagingParams(Config):
     arrival_rad: Positive
     standing_mps: Positive
     standing_radps: Positive
-    goal_every_s: Positive
+    goal_retry_s: Positive
     timeout_s: Positive
     no_pose_s: Positive
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from robot_stack.contract.states import DockingState
 from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.goals import SendGoal
 from robot_stack.docking.latch import LatchCommand, LatchInputs
 from robot_stack.docking.results import Failure, Result
 from robot_stack.docking.states import Trigger
@@ -30,7 +31,7 @@ class Situation:
 
     now_s: ROS time. located: base_link in map, None while stale. odom, twist: base_link in odom now and its velocity,
     None while /odom is stale. images_fresh: detections arrive, from new images. force_n: the wheels' force
-    along base_link's x. plan_end: the end of navigation's plan.
+    along base_link's x. navigation_served: a server offers navigate_to_pose.
     """
 
     now_s: float
@@ -41,7 +42,7 @@ class Situation:
     images_fresh: bool = False
     latch: LatchInputs = field(default_factory=LatchInputs)
     force_n: float = math.nan
-    plan_end: Pose2 | None = None
+    navigation_served: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,14 +74,14 @@ class Step:
     """Output of a phase.
 
     twist: command in base_link; None: docking does not own the motion. trigger: the phase is over. failure: why, for
-    TRY_FAILED and GAVE_UP. goal: staging pose to send to navigation now. latch: outputs.
+    TRY_FAILED and GAVE_UP. goal: for navigation, to send now. latch: outputs.
     """
 
     text: str
     twist: Twist2 | None = None
     trigger: Trigger | None = None
     failure: Failure | None = None
-    goal: Pose2 | None = None
+    goal: SendGoal | None = None
     latch: LatchCommand = LatchCommand.HOLD
 
 
@@ -88,8 +89,8 @@ class Step:
 class Output:
     """One tick of the controller.
 
-    attached: content of /passenger_attached; None while unknown. cancel_goal: navigation must have no
-    goal. result: of the docking or undocking that has just ended. emergency: the robot must stop for good.
+    attached: content of /passenger_attached; None while unknown. goal: for navigation, to send now. cancel_goal: to
+    cancel now. result: of the docking or undocking that has just ended. emergency: the robot must stop for good.
     """
 
     state: DockingState
@@ -102,7 +103,7 @@ class Output:
     progress: float
     tries: int
     distance_m: float = 0.0
-    goal: Pose2 | None = None
+    goal: SendGoal | None = None
     cancel_goal: bool = False
     result: Result | None = None
     emergency: bool = False

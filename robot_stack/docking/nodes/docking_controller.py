@@ -21,6 +21,7 @@ from robot_stack.docking.params import DockingParams
 from robot_stack.docking.results import DockCode, Result, UndockCode
 from robot_stack.docking.situation import Output, Situation
 from robot_stack.middleware.motion_warning import MotionWarnings
+from robot_stack.middleware.navigation_client import NavigationClient
 from robot_stack.middleware.node import StackNode, run
 
 _TICK_HZ = topics.DOCKING_CMD_VEL.nominal_rate_hz
@@ -43,7 +44,8 @@ class DockingControllerNode(StackNode):
         self._motion_warnings = MotionWarnings(self, given=self._departure.announced)
         self._controller = DockingController(self.params, cameras, self._departure, self._corrections)
         self._latch = LatchIo(self, self.params.engine_poll_hz)
-        self._outputs = DockingOutputs(self, self.params)
+        self._navigation = NavigationClient(self, self._controller.on_navigation)
+        self._outputs = DockingOutputs(self, self.params, self._navigation)
         self._attached = self.device(AttachedFile)
         self._recalled = False
         self._ticks = 0
@@ -72,12 +74,13 @@ class DockingControllerNode(StackNode):
         known = self._controller.dock_id
         if dock_id and known and dock_id != known:
             return Result(UndockCode.NOT_ATTACHED, f"docked at {known!r}, not at {dock_id!r}")
-        return self._controller.undock(self._inputs.situation(self._latch.inputs))
+        return self._controller.undock(self._situation())
 
     # --- tick --------------------------------------------------------------------------------------------------------
 
     def _tick(self) -> None:
-        situation = self._inputs.situation(self._latch.inputs)
+        self._navigation.poll()
+        situation = self._situation()
         self._recall(situation)
         output = self._controller.tick(situation)
         self._motion_warnings.publish(self._departure.remaining_s)
@@ -92,6 +95,9 @@ class DockingControllerNode(StackNode):
             self._actions.publish_feedback(output)
             self._report_state(output)
         self._end_jobs(output)
+
+    def _situation(self) -> Situation:
+        return self._inputs.situation(self._latch.inputs, navigation_served=self._navigation.served())
 
     def _recall(self, situation: Situation) -> None:
         """Restores the state once the latch can be read: by then a simulated world is known to be new or not."""
@@ -132,6 +138,7 @@ class DockingControllerNode(StackNode):
 
     def safe_output(self) -> None:
         self._outputs.stand()
+        self._navigation.cancel()
 
     def destroy_node(self) -> None:
         self._latch.close()

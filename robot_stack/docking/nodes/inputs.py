@@ -27,7 +27,6 @@ class DockingInputs:
         self._pose = node.subscribe(topics.CURRENT_POSE)
         self._detections = node.subscribe(topics.ARUCO_DETECTIONS, self._on_detections)
         self._joints = node.subscribe(topics.JOINT_STATES)
-        self._plan = node.subscribe(topics.PLAN)
         self._limit = node.subscribe(topics.VELOCITY_LIMIT)
 
     def _on_odometry(self, message: Odometry) -> None:
@@ -40,10 +39,10 @@ class DockingInputs:
     def _on_detections(self, message: ArucoDetectionArray) -> None:
         self._controller.on_markers(markers(message))
 
-    def situation(self, latch: LatchInputs) -> Situation:
+    def situation(self, latch: LatchInputs, *, navigation_served: bool) -> Situation:
         node, now_s = self._node, self._node.now_s()
         odom, twist = self._odometry(now_s)
-        limit, plan = self._limit.latest, self._plan.latest
+        limit = self._limit.latest
         pose = pose_from_msg(self._pose.latest.pose) if self._pose.fresh() else None
         images_s = 0.0 if self._detections.latest is None else time_to_s(self._detections.latest.header.stamp)
         return Situation(
@@ -60,7 +59,7 @@ class DockingInputs:
             images_fresh=self._detections.fresh() and now_s - images_s <= self._params.detections_timeout_s,
             latch=latch,
             force_n=wheel_force(self._joints.latest if self._joints.fresh() else None, node.robot.wheel_radius_m),
-            plan_end=pose_from_msg(plan.poses[-1].pose) if plan is not None and plan.poses else None,
+            navigation_served=navigation_served,
         )
 
     def _odometry(self, now_s: float) -> tuple[Pose2 | None, Twist2 | None]:

@@ -1,8 +1,7 @@
-"""Publishers of the docking controller: motion, goals, status, the passenger, and the external display."""
+"""Outputs of the docking controller: motion, goals, status, the passenger, and the external display."""
 
 from __future__ import annotations
 
-from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import Bool
 
 from custom_msgs.msg import EHMIState, LatchStatus
@@ -14,6 +13,7 @@ from robot_stack.docking.params import DockingParams
 from robot_stack.docking.situation import Output
 from robot_stack.docking.target import Estimate
 from robot_stack.middleware.conversions import pose_stamped, twist_stamped
+from robot_stack.middleware.navigation_client import NavigationClient
 from robot_stack.middleware.node import StackNode
 
 _DISPLAYS = {
@@ -27,16 +27,15 @@ _DISPLAYS = {
 
 
 class DockingOutputs:
-    """Publishers of the node ``docking_controller``, with their last messages."""
+    """Publishers of the node ``docking_controller``, with their last messages, and its goals."""
 
-    def __init__(self, node: StackNode, params: DockingParams) -> None:
-        self._node, self._params = node, params
+    def __init__(self, node: StackNode, params: DockingParams, navigation: NavigationClient) -> None:
+        self._node, self._params, self._navigation = node, params, navigation
         self._status = node.advertise(topics.DOCKING_STATUS)
         self._cmd_vel = node.advertise(topics.DOCKING_CMD_VEL)
         self._target = node.advertise(topics.DOCKING_TARGET)
         self._latch = node.advertise(topics.LATCH_STATUS)
         self._passenger = node.advertise(topics.PASSENGER_ATTACHED)
-        self._goal = node.advertise(topics.GOAL_POSE)
         self._stop = node.emergency_stop_source(until_latched=True)
         self._ehmi = node.advertise(topics.EHMI_STATE_COMMAND)
         self._owns_motion = self._asserted = False
@@ -45,14 +44,14 @@ class DockingOutputs:
         self._shown: int | None = None
 
     def act(self, output: Output) -> None:
-        """Publishes urgent outputs: motion, goal, passenger, stop."""
+        """Executes urgent outputs: motion, goal, passenger, stop."""
         if output.twist is not None or self._owns_motion:  # and one last zero when docking gives the motion up
             self.command(output.twist or ZERO_TWIST)
         self._owns_motion = output.twist is not None
         if output.goal is not None:
-            self._goal.publish(pose_stamped(output.goal, frames.MAP, self._node.stamp()))
+            self._navigation.send(output.goal)
         elif output.cancel_goal:
-            self._goal.publish(PoseStamped())
+            self._navigation.cancel()
         if output.attached is not None and output.attached != self._attached:
             self._attached = output.attached
             self._passenger.publish(Bool(data=output.attached))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
+from robot_stack.core.goals import NAVIGATION, NavigationGoals
 from robot_stack.docking.motion import Follower, Point, from_base, straight_to
 from robot_stack.docking.params import MotionParams, StagingParams
 from robot_stack.docking.results import DockCode, Failure
@@ -15,38 +16,37 @@ from robot_stack.docking.states import Trigger
 class DriveToStaging:
     """Navigation drives; this phase sends the goal and checks arrival by the pose in map."""
 
-    def __init__(self, staging: Pose2, params: StagingParams, *, only: bool) -> None:
-        self._staging = staging
+    def __init__(self, staging: Pose2, goals: NavigationGoals, params: StagingParams, *, only: bool) -> None:
+        self._staging, self._goals = staging, goals
         self._params = params
         self._done = Trigger.STAGED_ONLY if only else Trigger.STAGED
         self._elapsed_s = 0.0
         self._lost_s = 0.0
-        self._since_goal_s = math.inf
+        self._goal_due = True
 
     def tick(self, view: View) -> Step:
         self._elapsed_s += view.dt_s
-        self._since_goal_s += view.dt_s
+        self._goal_due = self._goal_due or self._goals.due_again(view.dt_s)
         pose = view.situation.located
         self._lost_s = 0.0 if pose is not None else self._lost_s + view.dt_s
         if self._lost_s > self._params.no_pose_s:
             return _failed(Failure(DockCode.LOCALIZATION_LOST, "no /current_pose on the way to staging", final=True))
         if self._elapsed_s > self._params.timeout_s:
-            return _failed(Failure(DockCode.STAGING_FAILED, f"not at staging after {self._params.timeout_s:.0f} s"))
+            why = f"; navigation: {self._goals.problem}" if self._goals.problem else ""
+            text = f"not at staging after {self._params.timeout_s:.0f} s{why}"
+            return _failed(Failure(DockCode.STAGING_FAILED, text))
         if pose is not None and self._arrived(pose) and _standing(view.situation.twist, self._params):
             return Step("at staging", trigger=self._done)
-        return Step("driving to staging", goal=self._goal(view.situation.plan_end))
+        if not self._goal_due:
+            return Step("driving to staging")
+        if not view.situation.navigation_served:
+            return Step(f"waiting for {NAVIGATION}")
+        self._goal_due = False
+        return Step("driving to staging", goal=self._goals.send(self._staging))
 
     def _arrived(self, pose: Pose2) -> bool:
         off = self._staging.relative_to(pose)
         return math.hypot(off.x, off.y) <= self._params.arrival_m and abs(off.yaw) <= self._params.arrival_rad
-
-    def _goal(self, plan_end: Pose2 | None) -> Pose2 | None:
-        """The goal, unless navigation's plan already ends there or the goal was sent a moment ago."""
-        known = plan_end is not None and plan_end.distance_to(self._staging) < 1e-3
-        if known or self._since_goal_s < self._params.goal_every_s:
-            return None
-        self._since_goal_s = 0.0
-        return self._staging
 
 
 class BackToStaging:

@@ -14,6 +14,7 @@ from robot_stack.contract import actions, topics
 from robot_stack.core.robot import load_robot
 from robot_stack.docking.nodes.attached_file import AttachedFile
 from tests.simulated.bench import COMPUTE_S, LATENCY_S, Bench
+from tests.simulated.nodes.navigation import FakeNavigation
 from tests.simulated.story import Goal
 
 OPEN = 1 << load_robot().latch.open_input_bit
@@ -25,8 +26,9 @@ class Scene:
     def __init__(self, bench: Bench) -> None:
         self.bench = bench
         self.status, self.command = bench.listen(topics.DOCKING_STATUS), bench.listen(topics.DOCKING_CMD_VEL)
-        self.goal, self.passenger = bench.listen(topics.GOAL_POSE), bench.listen(topics.PASSENGER_ATTACHED)
+        self.passenger = bench.listen(topics.PASSENGER_ATTACHED)
         bench.publisher(topics.EMERGENCY_STOP)
+        self.navigation = FakeNavigation(bench)
         bench.engine.run().up()
         bench.engine.drives.inputs = {0: 1 | OPEN}
         safety = SafetyStatus(safety_state=SafetyStatus.NORMAL)
@@ -56,6 +58,11 @@ class Scene:
     def undock(self) -> Goal:
         return self.bench.begin(actions.UNDOCK, Undock.Goal())
 
+    def staging(self, count: int = 1) -> Any:
+        """Waits until navigation has received so many goals; returns the last."""
+        self.bench.wait(lambda: len(self.navigation.goals) == count, f"goal {count}")
+        return self.navigation.goals[-1][1]
+
     def wait_state(self, state: str) -> Any:
         return self.status.wait(lambda message: message.state == state, state)
 
@@ -82,8 +89,9 @@ def test_invalid_goals_are_refused_with_a_reason_without_motion(scene: Scene) ->
 def test_docking_sends_the_staging_pose_and_ends_on_an_emergency_stop(scene: Scene) -> None:
     goal = scene.dock()
     scene.wait_state("APPROACH")
-    staging = scene.goal.wait(lambda message: message.header.frame_id == "map", "a goal").pose
-    assert (staging.position.x, staging.position.y) == pytest.approx((-2.05, 11.0))
+    staging = scene.staging()
+    assert staging.header.frame_id == "map"
+    assert (staging.pose.position.x, staging.pose.position.y) == pytest.approx((-2.05, 11.0))
     stopped_s = scene.bench.now_s
     scene.bench.publish(topics.EMERGENCY_STOP, Bool(data=True))
     result = goal.wait()
@@ -92,6 +100,39 @@ def test_docking_sends_the_staging_pose_and_ends_on_an_emergency_stop(scene: Sce
     assert scene.bench.now_s - stopped_s < 0.05 + 2.0 * COMPUTE_S + 3.0 * LATENCY_S + 0.005
     scene.wait_state("FAILED")
     assert {message.state for message in scene.status.since(stopped_s)} <= {"APPROACH", "FAILED"}
+    scene.bench.wait(lambda: scene.navigation.ended == ["canceled"], "the end of the goal", 1.0)
+
+
+def test_a_cancelled_docking_cancels_its_goal_and_the_next_one_sends_another(scene: Scene) -> None:
+    goal = scene.dock()
+    scene.staging()
+    assert goal.cancel().error_code == Dock.Result.CANCELED
+    scene.bench.wait(lambda: scene.navigation.ended == ["canceled"], "the end of the goal", 1.0)
+    scene.dock()
+    scene.staging(2)
+    scene.bench.run(5.0)
+    assert len(scene.navigation.goals) == 2
+
+
+def test_a_preempted_goal_is_sent_again_and_one_of_a_restarted_navigation_at_once(scene: Scene) -> None:
+    scene.dock()
+    scene.staging()
+    preempted_s = scene.bench.now_s
+    scene.navigation.end()
+    scene.staging(2)
+    assert 2.0 <= scene.bench.now_s - preempted_s <= 2.1
+    scene.navigation.process.kill()
+    scene.bench.run(0.5)
+    scene.bench.start_again(scene.navigation.process)
+    scene.staging(3)
+    assert scene.status.last.state == "APPROACH"
+
+
+def test_a_stopped_process_cancels_its_goal(scene: Scene) -> None:
+    scene.dock()
+    scene.staging()
+    assert scene.bench.stop(scene.process) == 0
+    scene.bench.wait(lambda: scene.navigation.ended == ["canceled"], "the end of the goal", 1.0)
 
 
 def test_status_has_its_rate_and_the_process_shuts_down_cleanly(scene: Scene) -> None:

@@ -16,6 +16,7 @@ from robot_stack.core.config import load
 from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.docks import Dock, load_docks
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2, exp_se2
+from robot_stack.core.goals import GoalStatus, NavigationEnded, SendGoal
 from robot_stack.core.robot import load_robot
 from robot_stack.docking.controller import DockingController
 from robot_stack.docking.latch import LatchCommand, LatchInputs
@@ -69,6 +70,7 @@ class Faults:
     force_n: float = 12.0
     quality: float = 0.999
     located: bool = True
+    no_navigation: bool = False
 
 
 @dataclass
@@ -93,7 +95,7 @@ class Bench:
         self.outputs: list[Output] = []
         self.states: list[DockingState] = []
         self.results: list[Result] = []
-        self.goals: list[Pose2] = []
+        self.goals: list[SendGoal] = []
         self.commands: deque[Twist2] = deque([ZERO_TWIST], maxlen=2)
         self.images: deque[tuple[int, list[Marker]]] = deque()
         self.images_s = self.now_s
@@ -132,6 +134,10 @@ class Bench:
 
     def reach(self, state: DockingState, limit_s: float = 120.0) -> None:
         assert self.run(lambda: self.state is state, limit_s), f"never {state}: {self.outputs[-1].text}"
+
+    def end_goal(self, status: GoalStatus, code: int = 0, reason: str = "") -> None:
+        """Navigation ends the newest goal."""
+        self.controller.on_navigation(NavigationEnded(self.goals[-1].call, status, code, reason))
 
     def docked(self) -> Bench:
         assert self.begin() is None
@@ -172,6 +178,7 @@ class Bench:
             images_fresh=self.now_s - self.images_s < 0.5,
             latch=LatchInputs() if f.latch_dead else self.inputs(),
             force_n=f.force_n,
+            navigation_served=not f.no_navigation,
         )
 
     def inputs(self) -> LatchInputs:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from robot_stack.contract.states import DockingState
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.goals import GoalStatus, NavigationEnded
 from robot_stack.docking.controller import DockingController
 from robot_stack.docking.latch import LatchCommand
 from robot_stack.docking.results import DockCode, UndockCode
@@ -104,17 +105,67 @@ def test_approach_only_ends_at_staging() -> None:
     bench.controller.cancel()
     assert bench.controller.dock("chair_1", bench.dock, approach_only=True) is None
     bench.run(lambda: False, 1.0)
-    assert bench.goals[-1] == bench.dock.staging.pose()
+    assert bench.goals[-1].pose == bench.dock.staging.pose()
     bench.at_staging = True
     assert bench.run_to_end().success
     assert bench.state is DockingState.IDLE
     assert bench.outputs[-1].cancel_goal
 
 
-def test_the_goal_is_repeated_until_navigation_has_it() -> None:
+@pytest.mark.parametrize(
+    ("status", "pause_s"),
+    [
+        (GoalStatus.ABORTED, 2.0),
+        (GoalStatus.REJECTED, 2.0),
+        (GoalStatus.CANCELED, 2.0),
+        (GoalStatus.SUCCEEDED, 2.0),  # reached, but not by the pose that docking has
+        (GoalStatus.UNKNOWN, 0.05),  # navigation has restarted
+    ],
+)
+def test_a_goal_that_ends_before_staging_is_sent_again_after_a_pause(status: GoalStatus, pause_s: float) -> None:
     bench = begun_far()
     bench.run(lambda: False, 5.0)
-    assert len(bench.goals) == 3  # after 0 s, 2 s and 4 s
+    assert len(bench.goals) == 1
+    bench.end_goal(status)
+    ended_s = bench.now_s
+    assert bench.run(lambda: len(bench.goals) == 2, 3.0)
+    assert bench.now_s - ended_s == pytest.approx(pause_s, abs=0.051)
+    assert bench.goals[1].call > bench.goals[0].call
+    bench.controller.on_navigation(NavigationEnded(bench.goals[0].call, GoalStatus.ABORTED))  # late, and repeated
+    bench.run(lambda: False, 5.0)
+    assert len(bench.goals) == 2
+
+
+def test_the_goal_waits_for_navigation_and_not_at_staging() -> None:
+    bench = Bench(faults=Faults(no_navigation=True))
+    bench.at_staging = False
+    began(bench).run(lambda: False, 5.0)
+    assert bench.goals == []
+    assert bench.outputs[-1].text == "waiting for navigation_controller"
+    bench.faults.no_navigation = False
+    bench.step()
+    assert len(bench.goals) == 1
+    assert began(Bench(faults=Faults(no_navigation=True))).run_to_end().success
+
+
+@pytest.mark.parametrize("end", ["cancelled", "failed", "staged"])
+def test_a_goal_is_cancelled_with_the_docking_until_it_has_ended(end: str) -> None:
+    bench = begun_far()
+    bench.run(lambda: False, 1.0)
+    assert not any(output.cancel_goal for output in bench.outputs)
+    if end == "cancelled":
+        bench.controller.cancel()
+    elif end == "failed":
+        bench.safety = emergency()
+    else:
+        bench.at_staging = True
+    bench.step()
+    assert bench.outputs[-1].cancel_goal
+    bench.run(lambda: False, 3.0)
+    assert sum(output.cancel_goal for output in bench.outputs) == 2  # after 0 s and 2 s
+    bench.end_goal(GoalStatus.CANCELED)
+    bench.run(lambda: False, 5.0)
+    assert sum(output.cancel_goal for output in bench.outputs) == 2
 
 
 def test_undocking_backs_off_straight_and_then_detaches() -> None:
@@ -503,9 +554,15 @@ def test_no_pose_on_the_way_to_staging_ends_the_docking() -> None:
 
 def test_a_staging_pose_that_is_not_reached_ends_the_docking() -> None:
     bench = begun_far()
+    bench.step()
+    bench.run(lambda: False, params().staging.timeout_s - 1.0)
+    bench.end_goal(GoalStatus.ABORTED, 208, "no path")
+    assert bench.run(lambda: bench.outputs[-1].tries == 2, 2.0)
+    assert bench.outputs[-1].text == "try 2: not at staging after 90 s; navigation: no path (error 208)"
     result = bench.run_to_end(400.0)
     assert result.code is DockCode.STAGING_FAILED
     assert result.tries == 3
+    assert len(bench.goals) == 3
 
 
 @pytest.mark.parametrize("state", [DockingState.APPROACH, *SEEING, DockingState.DOCKED])

@@ -157,9 +157,9 @@ def test_event_topic_without_events_is_quiet() -> None:
 
 
 def test_missing_event_publisher_is_reported_and_tools_are_ignored() -> None:
-    nodes = NODES | {"docking_controller"}
+    nodes = NODES | {"touch_ui"}
     seen = healthy(topics.GOAL_POSE, "scenario_runner")
-    assert judge(topics.GOAL_POSE, seen, nodes, 0.1).problems == ("not published by docking_controller",)
+    assert judge(topics.GOAL_POSE, seen, nodes, 0.1).problems == ("not published by touch_ui",)
     assert judge(topics.GOAL_POSE, seen, NODES, 0.1).problems == ()
 
 
