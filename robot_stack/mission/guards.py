@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from robot_stack.contract.faults import BY_CODE
 from robot_stack.contract.model import SafetyAction
+from robot_stack.contract.states import DOCKING
 from robot_stack.core.geometry import Pose2
 from robot_stack.mission.events import Inputs
 
@@ -35,6 +36,12 @@ def held_by(inputs: Inputs) -> str:
         return "held: no fresh /safety/status"
     stops = stopping_faults(inputs)
     return f"held by safety: {', '.join(stops)}" if stops else ""
+
+
+def held_in_ride(inputs: Inputs) -> str:
+    """As ``held_by``, and during a docking by another client: each of the two goals would preempt the other."""
+    docking = inputs.docking_state in DOCKING
+    return held_by(inputs) or ("held: docking_controller executes a goal of another client" if docking else "")
 
 
 def stopping_faults(inputs: Inputs) -> tuple[str, ...]:

@@ -274,7 +274,7 @@ class MissionKernel:
     def _drive(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         pose, current = finite(inputs.pose), self._record.current
         assert current is not None
-        self._held = guards.held_by(inputs)
+        self._held = guards.held_in_ride(inputs)
         if self._leg.goal_due:
             return self._set_out(current.pose, inputs, dt_s)
         if self._departure.due:
@@ -434,7 +434,7 @@ class MissionKernel:
             docking=display.Docking(docking.task_of(record, self._docks), self._calls.state),
             setting_out=self._departure.warning
             or inputs.setting_out
-            or (self._leg.goal_due and not guards.held_by(inputs)),
+            or (self._leg.goal_due and not guards.held_in_ride(inputs)),
             waiting=self._departure.stood_s > self._params.shown_waiting_after_s,
             moving=self._departure.moving,
             awake=self._awake,

@@ -469,6 +469,16 @@ def test_a_goal_that_ends_before_the_waypoint_is_sent_again_after_a_pause(story,
     assert story.goals() == [2.0], "once for each end"
 
 
+def test_a_docking_by_another_client_holds_the_ride_and_keeps_its_goal(story):
+    story.start("park").at(0.3).given(docking_state="APPROACH").clear()
+    story.aborts(0, "preempted by a newer goal").tick(60.0)
+    assert story.log == []
+    assert story.kernel.record.failed_tries == 0
+    assert story.status.reason == "held: docking_controller executes a goal of another client"
+    story.given(docking_state="DOCKED").tick(DEPARTURE.warning_s + 2 * TICK_S)
+    assert story.goals() == [2.0]
+
+
 def test_aborted_goals_fail_the_try_by_the_progress_alone(story):
     """A refusal may pass, as one while the controller still has the emergency stop."""
     story.start("park").at(0.3)
