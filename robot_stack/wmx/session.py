@@ -7,12 +7,12 @@ uses the session's. The requests to a new device, and their order, are the steps
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Final, Generic, NamedTuple, TypeVar
+from typing import Any, Final, Generic, NamedTuple, Protocol, TypeVar
 
 from robot_stack.wmx import EngineError, MotionEngine
-from robot_stack.wmx.api import ErrorCode, error_name
+from robot_stack.wmx.api import AxisCommandMode, AxisSelection, ErrorCode, error_name
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.device_opener import DeviceOpener, OpenEngine, PromptOpener
 from robot_stack.wmx.failures import ABSENT, LOST
@@ -29,7 +29,8 @@ SetPointsT = TypeVar("SetPointsT")
 class Patience:
     """retry_s: between attempts while no engine runs. attempts, attempt_pause_s: of opening a device that the
     engine rejects; reported after that many, retries continue. probe_period_s: period of probing the engine:
-    the status of a dead one only ages. waited_for: the codes of an engine that does not run.
+    the status of a dead one only ages. waited_for: the codes of an engine that does not run. probe_always: False probes
+    only while the status is invalid, for a thread that must not wait for round trips.
     """
 
     retry_s: float
@@ -37,6 +38,7 @@ class Patience:
     attempt_pause_s: float
     probe_period_s: float
     waited_for: frozenset[ErrorCode] = ABSENT
+    probe_always: bool = True
 
 
 def _nothing(*_: Any) -> None:
@@ -50,6 +52,12 @@ class Events:
     opened: Callable[[MotionEngine], None] = _nothing
     refused: Callable[[EngineError, int], None] = _nothing
     lost: Callable[[], None] = _nothing
+
+
+class Log(Protocol):
+    def info(self, text: str, /) -> object: ...
+    def warning(self, text: str, /) -> object: ...
+    def error(self, text: str, /) -> object: ...
 
 
 class Applied(NamedTuple, Generic[SetPointsT]):
@@ -79,6 +87,7 @@ class EngineSession:
         self._refusals: dict[str, str] = {}
         self.engine: MotionEngine | None = None
         self.connections = 0
+        self.started_communication = False
         self.text = _WAITING
 
     # --- the device --------------------------------------------------------------------------------------------------
@@ -110,7 +119,7 @@ class EngineSession:
         if engine is not None:
             self.engine = engine
             self.connections += 1
-            self._failures, self.text = 0, "connected"
+            self._failures, self.text, self.started_communication = 0, "connected", False
             self._pauses.clear()  # requests to an earlier engine are irrelevant
             self._refusals.clear()
             self._events.opened(engine)
@@ -131,7 +140,8 @@ class EngineSession:
 
     def probe(self, now_s: float) -> bool:
         """Probes the engine at intervals. False once it is gone."""
-        if self.due(_PROBE, now_s, self._patience.probe_period_s):
+        wanted = self._patience.probe_always or _STATUS in self._refusals
+        if wanted and self.due(_PROBE, now_s, self._patience.probe_period_s):
             answered = self.ask(_PROBE, lambda engine: engine.api.GetDeviceName()[0])
             if not answered:  # a hanging engine delays every call: limit the time spent on it
                 self._pause(_PROBE, now_s, _HUNG_PAUSE_S)
@@ -176,10 +186,38 @@ class EngineSession:
         return self.refusal(_STATUS, self.text)
 
     def start_communication(self, now_s: float, pause_s: float, otherwise: str) -> str:
-        """Requests the bus, at most once per ``pause_s``. Returns the reason of a rejection, else ``otherwise``."""
+        """Requests the bus. Returns the reason of a rejection, else ``otherwise``.
+
+        pause_s: repetition period of an accepted request, in which the bus may start; a rejected one is repeated like
+        the opening of a device if that is sooner.
+        """
         if self.due(_COMMUNICATION, now_s, pause_s):
-            self.ask(_COMMUNICATION, lambda engine: engine.api.StartCommunication(0))
+            if self.ask(_COMMUNICATION, lambda engine: engine.api.StartCommunication(0)):
+                self.started_communication = True
+            else:
+                self._pause(_COMMUNICATION, now_s, min(pause_s, self._patience.attempt_pause_s))
         return self.refusal(_COMMUNICATION, otherwise)
+
+    def stop(self, axes: Sequence[int], snapshot: StatusSnapshot, *, quick: bool = False) -> dict[int, int]:
+        """Stops axes, one call for each kind. Returns the code per axis; a refused group is retried axis by axis."""
+        codes: dict[int, int] = {}
+        for velocity in (False, True):
+            group = [a for a in axes if (snapshot.command_mode[a] == AxisCommandMode.Velocity) == velocity]
+            if not group:
+                continue
+            code = self._stop(group, velocity, quick)
+            alone = bool(code) and len(group) > 1
+            codes |= {axis: self._stop([axis], velocity, quick) if alone else code for axis in group}
+        return codes
+
+    def _stop(self, axes: Sequence[int], velocity: bool, quick: bool) -> int:
+        selection = AxisSelection.of(*axes)
+
+        def request(engine: MotionEngine) -> int:
+            family = engine.core_motion.velocity if velocity else engine.core_motion.motion
+            return family.ExecQuickStop_AxisSel(selection) if quick else family.Stop_AxisSel(selection)
+
+        return self.call(request)
 
     def due(self, what: str, now_s: float, pause_s: float) -> bool:
         """True once, then not before ``pause_s`` have passed. If the clock goes back, everything is due."""

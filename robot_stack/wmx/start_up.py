@@ -65,7 +65,8 @@ class StartUp:
     """Checks a list of steps at every poll: the first unfulfilled one gives the stage, and is requested.
 
     A step that is lost again is requested again, except that an alarm or a dropped servo of a machine that was ready is
-    a fault. ``was_ready``: since the connection or, if its owner clears it, since a stop.
+    a fault. ``was_ready``: since the connection or, if its owner clears it, since a stop. ``switched_on``: the axes
+    whose servos were requested on since the connection.
     """
 
     def __init__(
@@ -87,6 +88,7 @@ class StartUp:
         self._parameters_set = False
         self._bus = _NO_BUS_YET
         self.was_ready = False
+        self.switched_on: set[int] = set()
         self.state = SessionState(Stage.CONNECTING, session.text)
 
     @property
@@ -106,6 +108,7 @@ class StartUp:
             self._connection = session.connections
             self.was_ready = self._parameters_set = False
             self._bus = _NO_BUS_YET
+            self.switched_on.clear()
             self._connected()
         snapshot = session.read()
         if snapshot is None:
@@ -176,6 +179,7 @@ class StartUp:
         if withheld:
             return Stage.SWITCHING_ON, f"{text}; {withheld}"
         if self._session.due(_SERVO_ON, now_s, self._machine.request_pause_s) and self._set_modes(snapshot):
+            self.switched_on.update(axis for axis, _ in off)
             self._switch(_SERVO_ON, [axis for axis, _ in off], 1)
         return Stage.SWITCHING_ON, self._session.refusal(_SERVO_ON, self._session.refusal(_MODE, text))
 
@@ -196,9 +200,9 @@ class StartUp:
         if following:
             ask(_CLEARING, lambda engine: engine.core_motion.axisControl.ClearAxisAlarm_AxisSel(of_engine))
 
-    def switch_off(self) -> None:
-        """Switches all servos off; holding brakes close. Only for axes at rest."""
-        self._switch("servo off", self._machine.names, 0)
+    def switch_off(self, axes: Iterable[int] | None = None) -> None:
+        """Switches servos off, all without ``axes``; holding brakes close. Only for axes at rest."""
+        self._switch("servo off", self._machine.names if axes is None else axes, 0)
 
     def wrong_modes(self, snapshot: StatusSnapshot) -> list[int]:
         """The axes that are not in their command mode."""

@@ -30,7 +30,7 @@ Start = Callable[..., NodeProcess]
 NAME = "manipulator_state"
 NAMES = ["joint1", "joint2", "joint3", "joint4", "joint5", "joint6", "picker_1_joint", "picker_2_joint"]
 OPEN, CLOSED = 0.0, 0.045
-QUICK = ("-p", "start.device.pause_s:=0.1", "-p", "start.communication.pause_s:=0.1")
+QUICK = ("-p", "session.attempt_pause_s:=0.1", "-p", "session.communication_retry_s:=1.0")
 
 
 @pytest.fixture(autouse=True)
@@ -166,7 +166,7 @@ def test_a_killed_engine_is_silence_and_its_successor_a_new_start(
     node.wait_up()
     engine.kill()
     node.wait_silent()
-    node.wait_health("device: ")
+    node.wait_health("waiting for the motion engine")
     assert node.process.running()
     assert "the motion engine has ended" in node.process.output()
     successor = TestEngine(start, tmp_path).run()
@@ -180,10 +180,10 @@ def test_a_lost_bus_is_silence_and_its_return_leaves_the_servos_off(
     start: Start, peer: Peer, engine: TestEngine
 ) -> None:
     engine.run()
-    node = Manipulator(start, peer, "-p", "start.communication.limit_s:=1.0")
+    node = Manipulator(start, peer)
     node.wait_up()
     engine.set(connected=False)
-    node.wait_health("communication: ")
+    node.wait_health("communication with the drives is lost")
     node.wait_silent()
     assert "communication with the drives is lost" in node.process.output()
     engine.set(connected=True)
@@ -211,7 +211,7 @@ def test_alarm_is_reported_and_not_cleared(start: Start, peer: Peer, engine: Tes
     node = Manipulator(start, peer)
     node.wait_up()
     engine.set(alarms={"3": 33})
-    node.wait_health("joint4 amplifier alarm 33")
+    node.wait_health("joint4 alarm 33")
     node.wait_news()
     engine.recover()
     node.wait_health("")
@@ -221,9 +221,9 @@ def test_no_servo_comes_on_during_an_emergency_stop(start: Start, peer: Peer, en
     node = Manipulator(start, peer)
     peer.wait_matched(topics.EMERGENCY_STOP)
     peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
-    node.wait_health("device: ")
+    node.wait_health("waiting for the motion engine")
     engine.run()
-    node.wait_health("amplifier alarms: emergency stop")
+    node.wait_health("emergency stop")
     node.wait_news()
     assert not status(engine).servo_on.any()
 
@@ -233,9 +233,9 @@ def test_parameters_that_cannot_be_set_keep_servos_and_joint_states_off(
 ) -> None:
     engine.run()
     path = tmp_path / "missing.xml"
-    node = Manipulator(start, peer, "-p", f"wmx_param_file_path:={path}", "-p", "start.parameters.pause_s:=0.1")
-    node.wait_health(f"parameters: {path}: ")
-    node.process.wait_output("5 attempts failed, still trying")
+    node = Manipulator(start, peer, "-p", f"wmx_param_file_path:={path}")
+    node.wait_health(f"wmx_param_file_path {path}: FileOperationFailed")
+    assert "FileOperationFailed" in node.process.output()
     assert node.joints.items == []
     assert not status(engine).servo_on.any()
 
@@ -251,7 +251,7 @@ def test_the_end_takes_back_what_the_start_took(start: Start, peer: Peer, engine
     assert node.process.wait() == 0
     assert "stopping joint1" in node.process.output()
     assert status(engine).flags[Flag.END_REASON, 0] == ErrorCode.PyNone  # stopped, and not by switching its servo off
-    wait_for(lambda: not status(engine).servo_on.any(), "servos off")  # requested by the node, done by a later cycle
+    assert not status(engine).servo_on.any()
     assert status(engine).communicating  # other processes have devices
 
 

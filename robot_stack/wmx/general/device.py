@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Final, Protocol
+from typing import Final
 
 from robot_stack.wmx import EngineError, MotionEngine
 from robot_stack.wmx.api import (
-    AxisCommandMode,
-    AxisSelection,
     CoreMotionErrorCode,
     ErrorCode,
     OperationState,
@@ -16,7 +14,7 @@ from robot_stack.wmx.api import (
 )
 from robot_stack.wmx.axes import Flag, StatusSnapshot
 from robot_stack.wmx.failures import BUSY
-from robot_stack.wmx.session import EngineSession, Events, Patience
+from robot_stack.wmx.session import EngineSession, Events, Log, Patience
 
 OpenEngine = Callable[[str | None, str], MotionEngine]
 """(path or None for the configured one, device name) -> an open device, without waiting. Raises EngineError."""
@@ -26,12 +24,6 @@ SETTLED_CYCLES: Final = 2
 
 # The installation roots of the documents: they mean the engine of this machine.
 _INSTALLATION_ROOTS: Final = ("", "/opt/lmx", "/opt/wmx3")
-
-
-class Log(Protocol):
-    def info(self, text: str, /) -> object: ...
-    def warning(self, text: str, /) -> object: ...
-    def error(self, text: str, /) -> object: ...
 
 
 class Device:
@@ -176,25 +168,8 @@ class Device:
         return sorted(self._moved)
 
     def stop(self, axes: Sequence[int], snapshot: StatusSnapshot, *, quick: bool = False) -> dict[int, int]:
-        """Stops axes, one call for each kind. Returns the code per axis; a refused group is retried axis by axis."""
-        codes: dict[int, int] = {}
-        for velocity in (False, True):
-            group = [a for a in axes if (snapshot.command_mode[a] == AxisCommandMode.Velocity) == velocity]
-            if not group:
-                continue
-            code = self._stop(group, velocity, quick)
-            alone = bool(code) and len(group) > 1
-            codes |= {axis: self._stop([axis], velocity, quick) if alone else code for axis in group}
-        return codes
-
-    def _stop(self, axes: Sequence[int], velocity: bool, quick: bool) -> int:
-        selection = AxisSelection.of(*axes)
-
-        def request(engine: MotionEngine) -> int:
-            family = engine.core_motion.velocity if velocity else engine.core_motion.motion
-            return family.ExecQuickStop_AxisSel(selection) if quick else family.Stop_AxisSel(selection)
-
-        return self.call(request)
+        """See ``EngineSession.stop``."""
+        return self._session.stop(axes, snapshot, quick=quick)
 
 
 def _place(path: str) -> str:

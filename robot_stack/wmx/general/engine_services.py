@@ -8,10 +8,11 @@ from robot_stack.wmx.api import ErrorCode, EStopLevel, OperationState
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.failures import ABSENT
 from robot_stack.wmx.general.answers import Answer, failure, state_name
-from robot_stack.wmx.general.device import Device, Log
+from robot_stack.wmx.general.device import Device
 from robot_stack.wmx.general.params import GeneralParams
 from robot_stack.wmx.general.waiting import Clock, Waits
 from robot_stack.wmx.general.worker import Job
+from robot_stack.wmx.session import Log
 
 # Resolved by waiting: another client creates a device, or the engine is not ready yet.
 _PASSING = ABSENT - {ErrorCode.IMLibIsNotRunning}

@@ -10,13 +10,14 @@ from robot_stack.wmx.api import ErrorCode, OperationState
 from robot_stack.wmx.axes import StatusSnapshot, empty_snapshot
 from robot_stack.wmx.general.axis_services import AxisServices
 from robot_stack.wmx.general.commands import AxisOrder, CommandLimits
-from robot_stack.wmx.general.device import Device, Log, OpenEngine
+from robot_stack.wmx.general.device import Device, OpenEngine
 from robot_stack.wmx.general.engine_services import EngineServices
 from robot_stack.wmx.general.motion import AxisMotion
 from robot_stack.wmx.general.params import GeneralParams
 from robot_stack.wmx.general.requests import Refused
 from robot_stack.wmx.general.waiting import Waits
 from robot_stack.wmx.general.worker import EngineWorker
+from robot_stack.wmx.session import Log
 
 _END_POLL_S = 0.005
 _END_CALLS_S = 3.0

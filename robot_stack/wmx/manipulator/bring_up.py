@@ -1,226 +1,208 @@
 """The manipulator's session with the engine: from no connection to enabled servos, and back after a loss.
 
-``poll`` is called from one thread and never waits for an effect: it reads the status, and requests the step that is
-due. ``look`` is for the time between polls, in which only the joints change. Requests are round
-trips to the engine; once everything is ready there are none, only the status is read.
+``poll`` is called from one thread and never waits for an effect: it reads the status, and requests the next missing
+step. ``look`` is for the time between polls, in which only the joints change. Requests are round trips to the engine;
+once everything is ready there are none, only the status is read.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
-from robot_stack.wmx import MotionEngine
-from robot_stack.wmx.api import ErrorCode
+from robot_stack.wmx.api import AxisCommandMode, ErrorCode, OperationState, error_name
 from robot_stack.wmx.axes import AxisFeedback, StatusSnapshot
 from robot_stack.wmx.device_opener import OpenEngine
 from robot_stack.wmx.failures import ABSENT, BUSY
-from robot_stack.wmx.manipulator.startup import (
-    START,
-    Level,
-    Line,
-    Outcome,
-    Progress,
-    Result,
-    Rule,
-    Step,
-    advance,
-    back_to,
-    is_past,
-)
-from robot_stack.wmx.manipulator.steps import StartupRequests
-from robot_stack.wmx.session import EngineSession, Events, Patience
+from robot_stack.wmx.manipulator.params import ManipulatorStateParams
+from robot_stack.wmx.session import EngineSession, Log, Patience
+from robot_stack.wmx.start_up import Machine, Missing, SessionState, Stage, StartUp
 
-_PROBE_S = 0.5
-
-
-@dataclass(frozen=True, slots=True)
-class BringUpSettings:
-    """n_joints: joint j is axis j. parameter_file: empty for none. stale_s: timeout of the cycle counter, after which
-    the status is invalid. rules: one for each step.
-    """
-
-    n_joints: int
-    names: tuple[str, ...]
-    parameter_file: str
-    auto_servo_on: bool
-    stop_communication: bool
-    stale_s: float
-    rules: Mapping[Step, Rule]
+_SCAN, _STOP_BUS = "network scan", "stopping communication"
+_LOST, _STOPPED = "communication with the drives is lost", "communication was stopped by another device"
 
 
 class BringUp:
-    """Belongs to one thread. Times are steady seconds. ``progress`` and ``lines`` may be read from another."""
+    """Belongs to one thread. Times are steady seconds. ``state`` and its history ``changes`` may be read from another.
 
-    def __init__(self, open_engine: OpenEngine, settings: BringUpSettings) -> None:
-        """open_engine: opens a device after a short wait at most; raises EngineError."""
-        # That step's rule sets the retry period of a device: the session opens one on request.
-        patience = Patience(retry_s=0.0, attempts=1, attempt_pause_s=0.0, probe_period_s=_PROBE_S)
-        self._session = EngineSession(open_engine, patience, Events(lost=self._begin_anew))
-        self._settings = settings
-        self._asker: StartupRequests | None = None
-        self._cycle = -1
-        self._cycle_s = math.inf
-        self._was_ready = False
-        self._up = False
-        self.progress: Progress = START
-        self.status_problem = ""
-        self.lines: deque[Line] = deque(maxlen=200)
+    A lost bus is started again. After the start, an alarm or a servo that dropped out is a fault for an operator.
+    """
+
+    def __init__(self, open_engine: OpenEngine, params: ManipulatorStateParams, parameter_file: str, log: Log) -> None:
+        """open_engine: opens a device after a short wait; raises EngineError. parameter_file: empty for none."""
+        self._params, self._parameter_file, self._log = params, parameter_file, log
+        settings = params.session
+        patience = Patience(
+            settings.retry_s,
+            settings.attempts,
+            settings.attempt_pause_s,
+            settings.probe_period_s,
+            waited_for=ABSENT - BUSY,
+            probe_always=False,
+        )
+        machine = Machine(
+            dict(enumerate(params.joint_name[: params.joint_number])),
+            {},
+            settings.communication_retry_s,
+            settings.request_pause_s,
+            parameter_file,
+        )
+        self._session = EngineSession(open_engine, patience)
+        self._start = StartUp(
+            self._session,
+            machine,
+            fault=lambda _, text: (Stage.FAULT, text),
+            standing=lambda _: True,
+            connected=self._on_connection,
+        )
+        self._steps = (
+            self._scan,
+            self._bus,
+            self._start.communication,
+            self._start.parameters,
+            self._report_axes,
+            self._stopped,
+            self._start.alarms,
+            *((self._start.servos,) if params.auto_servo_on else ()),
+        )
+        self._cycle, self._cycle_s = -1, math.inf
+        self._emergency = self._usable = self._stopping = False
+        self._on_connection()
+        self.state: SessionState = self._start.state
+        self.changes: deque[SessionState] = deque(maxlen=200)
+
+    @property
+    def started(self) -> bool:
+        """True from the end of the start until the bus or the engine is lost."""
+        engine, stage = self._session.engine, self.state.stage
+        return self._start.was_ready and engine is not None and stage is not Stage.COMMUNICATION
 
     # --- the next step -----------------------------------------------------------------------------------------------
 
-    def poll(self, now_s: float, stopped: Callable[[], bool]) -> StatusSnapshot | None:
+    def poll(self, now_s: float, *, stop: bool) -> StatusSnapshot | None:
         """The present status while the joints are valid: the bus runs, parameters are set, cycles continue.
 
-        stopped: whether an emergency stop is active, during which no servo is switched on.
+        stop: an emergency stop is active, during which no servo is switched on.
         """
-        engine = self._session.engine
-        if engine is None:
-            self._open(now_s)
-            return None
-        code, snapshot = engine.read_status()
-        if self._up and not code and snapshot.communicating and snapshot.cycle_counter != self._cycle:
-            self._cycle, self._cycle_s = snapshot.cycle_counter, now_s  # usually nothing else is to be done
-            return snapshot
-        if not self._readable(engine, code, snapshot, now_s):
-            return None
-        if not snapshot.communicating:
-            self._on_silence(snapshot)
-        if self.progress.step is not Step.READY:
-            self._work(snapshot, now_s, stopped)
-        usable = snapshot.communicating and is_past(self.progress.step, Step.PARAMETERS)
-        if not usable or self._standing_still(snapshot, now_s):
-            return None
-        self._up = self.progress.step is Step.READY
-        self.status_problem = ""
+        self._emergency = stop
+        state = self._start.poll(now_s, self._steps)
+        snapshot = None if state.stage is Stage.PARAMETERS else state.snapshot
+        advances = snapshot is None or self._advances(snapshot.cycle_counter, now_s)
+        if not advances and now_s - self._cycle_s >= self._params.status_stale_s:
+            state, snapshot = SessionState(Stage.CONNECTING, "the engine's cycles do not advance"), None
+        if (state.stage, state.text) != (self.state.stage, self.state.text):
+            self.changes.append(state)
+        self.state, self._usable = state, snapshot is not None
         return snapshot
 
     def look(self, now_s: float) -> AxisFeedback | None:
         """The joints' feedback while the state is as in the last ``poll``; None: call ``poll`` again."""
         engine = self._session.engine
-        if not self._up or engine is None:
+        feedback = engine.read_feedback() if self._usable and engine is not None else None
+        if feedback is None or not feedback.communicating or not self._advances(feedback.cycle_counter, now_s):
             return None
-        feedback = engine.read_feedback()
-        if feedback is None or not feedback.communicating or feedback.cycle_counter == self._cycle:
-            return None
-        self._cycle, self._cycle_s = feedback.cycle_counter, now_s
         return feedback
 
-    def _open(self, now_s: float) -> None:
-        if not self.progress.due(now_s):
-            return
-        error = self._session.open()
-        if error is None and self._session.engine is not None:
-            self._asker = StartupRequests(
-                self._session.engine, self._settings.n_joints, self._settings.names, self._report
-            )
-            outcome = Outcome(Result.DONE, "open")
-        elif error is None or error.code in ABSENT - BUSY:
-            outcome = Outcome(Result.HELD, "waiting for the motion engine")
-        else:
-            outcome = Outcome(Result.REFUSED, str(error))
-        self._on_outcome(outcome, now_s)
-
-    def _readable(self, engine: MotionEngine, code: int, snapshot: StatusSnapshot, now_s: float) -> bool:
-        self._up = False
-        if code:
-            self.status_problem = f"status: {engine.api.ErrorToString(code)} (error {code})"
-            self._session.check_code(code)
-            self._session.probe(now_s)  # the status of a dead engine only ages
+    def _advances(self, cycle: int, now_s: float) -> bool:
+        if cycle == self._cycle:
             return False
-        if snapshot.n_axes < self._settings.n_joints:
-            self.status_problem = f"the engine has {snapshot.n_axes} axes, joint_number is {self._settings.n_joints}"
-            return False
+        self._cycle, self._cycle_s = cycle, now_s
         return True
 
-    def _standing_still(self, snapshot: StatusSnapshot, now_s: float) -> bool:
-        if snapshot.cycle_counter != self._cycle:
-            self._cycle, self._cycle_s = snapshot.cycle_counter, now_s
-            return False
-        if now_s - self._cycle_s < self._settings.stale_s:
-            return False
-        self.status_problem = "the engine's cycles do not advance"
-        return True
+    # --- steps -------------------------------------------------------------------------------------------------------
 
-    def _on_silence(self, snapshot: StatusSnapshot) -> None:
-        """Handles a bus that does not run. After a loss it is restarted; after a client's stop, only that client
-        restarts it. An engine that does not distinguish the two, like the vendor's, counts as lost.
+    def _on_connection(self) -> None:
+        self._scanned = self._reported = self._bus_ran = self._bus_stopped = False
+
+    def _scan(self, snapshot: StatusSnapshot, _: float) -> Missing:
+        """A running network is not scanned, because a scan would disturb it and it is already known. A failed scan is
+        only logged: communication starts with the configured network.
         """
-        self.status_problem = "no communication with the drives"
-        if not is_past(self.progress.step, Step.COMMUNICATION):
-            return
-        stopped = snapshot.engine_error == ErrorCode.PyNone
-        text = "communication was stopped by another device" if stopped else "communication with the drives is lost"
-        assert self._asker is not None
-        self._asker.bus_is_others = stopped
-        self._report(Line(Level.ERROR, text))
-        self.progress = back_to(Step.COMMUNICATION, text)
+        scan, self._scanned = not (self._scanned or snapshot.communicating), True
+        if scan and not self._session.ask(_SCAN, lambda engine: engine.ecat.ScanNetwork(0)):
+            self._log.warning(f"{self._session.refusal(_SCAN, _SCAN)}, going on without")
+        return None
 
-    def _work(self, snapshot: StatusSnapshot, now_s: float, stopped: Callable[[], bool]) -> None:
-        progress, asker = self.progress, self._asker
-        assert asker is not None
-        if progress.waiting:
-            self._on_outcome(asker.look(progress.step, snapshot), now_s)
-        elif progress.due(now_s):
-            self._on_outcome(self._ask(asker, snapshot, stopped()), now_s)
+    def _bus(self, snapshot: StatusSnapshot, _: float) -> Missing:
+        """Reports a loss before the restart. After a client's stop, only that client restarts the bus. An engine that
+        does not distinguish the two, like the vendor's, counts as lost.
+        """
+        lost = self._bus_ran and not snapshot.communicating
+        self._bus_ran = snapshot.communicating
+        if lost:
+            self._bus_stopped = snapshot.engine_error == ErrorCode.PyNone
+        elif snapshot.communicating:
+            self._bus_stopped = False
+        if self._bus_stopped:
+            return Stage.COMMUNICATION, f"{_STOPPED}, which has to start it again"
+        return (Stage.COMMUNICATION, _LOST) if lost else None
 
-    def _ask(self, asker: StartupRequests, snapshot: StatusSnapshot, stop: bool) -> Outcome:
-        settings = self._settings
-        match self.progress.step:
-            case Step.SCAN:
-                return asker.scan(snapshot)
-            case Step.COMMUNICATION:
-                return asker.start_communication(snapshot)
-            case Step.PARAMETERS:
-                return asker.import_parameters(settings.parameter_file)
-            case Step.AXIS_REPORT:
-                return asker.report_axes()
-            case Step.CLEAR_ALARMS:
-                return asker.clear_alarms(snapshot, settings.auto_servo_on, stop)
-            case Step.SERVO_ON:
-                return asker.switch_on(snapshot, settings.auto_servo_on, stop)
-        raise AssertionError(self.progress.step)
+    def _report_axes(self, *_: object) -> Missing:
+        """Logs the parameters in force, one line per joint. A read error does not stop the start."""
+        engine = self._session.engine
+        if self._reported or engine is None:
+            return None
+        self._reported = True
+        if self._parameter_file:
+            self._log.info(f"parameters are set from {self._parameter_file}")
+        else:
+            self._log.warning("wmx_param_file_path is not set, the engine's parameters stay as they are")
+        code, param = engine.core_motion.config.GetAxisParam()
+        if self._session.check_code(code):
+            self._log.warning(f"axis parameters cannot be read: {error_name(code)} (error {code})")
+            return None
+        for axis in range(self._params.joint_number):
+            numerator, denominator = param.GetGearRatioNumerator(axis), param.GetGearRatioDenominator(axis)
+            mode, encoder = param.GetAxisCommandMode(axis), param.GetAbsoluteEncoderMode(axis)
+            self._log.info(
+                f"{self._params.joint_name[axis]}: axis {axis}, gear ratio {numerator:.10g} / {denominator:.10g}, "
+                f"polarity {param.GetAxisPolarity(axis)}, {'absolute' if encoder else 'incremental'} encoder, "
+                f"{AxisCommandMode(mode).name} mode"
+            )
+        return None
 
-    def _on_outcome(self, outcome: Outcome, now_s: float) -> None:
-        before = self.progress.step
-        self.progress, line = advance(self.progress, outcome, now_s, self._settings.rules)
-        if line is not None:
-            self._report(line)
-        if before is Step.COMMUNICATION and self.progress.step is not before and self._was_ready:
-            # The engine still has its parameters. Servos that a fault or a client switched off stay off: only a start
-            # switches them on, not a restored connection.
-            self.progress = Progress(Step.READY)
-        self._was_ready = self._was_ready or self.progress.step is Step.READY
-
-    def _begin_anew(self) -> None:
-        """Restarts the sequence: the device is invalid."""
-        text = self._session.text
-        self._report(Line(Level.ERROR, text))
-        self._asker = None
-        self._was_ready = False
-        self.status_problem = text
-        self.progress = back_to(Step.DEVICE, text)
-
-    def _report(self, line: Line) -> None:
-        self.lines.append(line)
+    def _stopped(self, snapshot: StatusSnapshot, _: float) -> Missing:
+        """No servo comes on during an emergency stop. Without auto_servo_on none does and no alarm is cleared: an alarm
+        is a fault at once.
+        """
+        self._start.was_ready = self._start.was_ready or not self._params.auto_servo_on
+        if self._start.was_ready or not (self._emergency or snapshot.emergency_stop):
+            return None
+        return Stage.STOPPED, "emergency stop" if self._emergency else "the engine is in emergency stop"
 
     # --- the end -----------------------------------------------------------------------------------------------------
 
-    def end(self, hurry: bool) -> bool:
-        """Undoes this session's steps: servos off once their joints stand, the bus, the device. True when done.
+    def end(self, *, hurry: bool) -> bool:
+        """Undoes this session's steps: the servos once their joints stand, then the bus, the device. True when done.
 
-        hurry: switches servos off even if joints still move.
+        hurry: does not wait for joints that still move, nor for servos that are still on.
         """
-        engine = self._session.engine
-        if engine is None or self._asker is None:
-            return True
-        code, snapshot = engine.read_status()
-        if not code and snapshot.communicating and not self._asker.switch_off(snapshot, hurry):
-            return False
-        if not code and self._settings.stop_communication:
-            self._asker.stop_communication()
+        snapshot = self._session.read()
+        if snapshot is not None and snapshot.communicating:
+            on = [axis for axis in sorted(self._start.switched_on) if snapshot.servo_on[axis]]
+            moving = [axis for axis in on if snapshot.op_state[axis] != OperationState.Idle]
+            if moving and not hurry:
+                self._stop_joints(moving, snapshot)
+                return False
+            if on:
+                self._start.switch_off(on)
+                if not hurry:
+                    return False
+        self._stop_bus()
         self._session.close()
-        self._asker = None
         return True
+
+    def _stop_joints(self, axes: list[int], snapshot: StatusSnapshot) -> None:
+        if not self._stopping:
+            self._stopping = True
+            self._log.warning(f"stopping {' '.join(self._params.joint_name[axis] for axis in axes)}")
+            self._session.stop(axes, snapshot)
+
+    def _stop_bus(self) -> None:
+        """Only if it was started here and no other client has a device."""
+        engine = self._session.engine
+        if engine is None or not (self._params.stop_communication and self._session.started_communication):
+            return
+        code, devices = engine.api.GetAllDevices()
+        if not code and devices.count <= 1:
+            self._session.ask(_STOP_BUS, lambda engine: engine.api.StopCommunication(0))

@@ -1,4 +1,4 @@
-"""Parameters of manipulator_state, ``config/manipulator_state.yaml``, and the settings made of them."""
+"""Parameters of manipulator_state, ``config/manipulator_state.yaml``."""
 
 from __future__ import annotations
 
@@ -10,32 +10,21 @@ from pydantic import Field, model_validator
 from robot_stack.core.config import Config
 from robot_stack.wmx.api.values import MAX_AXES, MAX_IO_BYTES
 from robot_stack.wmx.config import Bit, Positive
-from robot_stack.wmx.manipulator.joints import JointSettings
-from robot_stack.wmx.manipulator.startup import Rule, Step
 
 N_FINGERS = 2
 _UNSET = "no_param"
 
 
-class StepParams(Config):
-    """See ``Rule``."""
-
-    attempts: Annotated[int, Field(ge=1)]
-    pause_s: Positive
-    longest_pause_s: Positive
-    limit_s: Positive
-
-
-class StartParams(Config):
-    """The steps of the start that can fail. poll_s: period of polls while there is nothing to publish."""
+class SessionParams(Config):
+    """See ``Patience`` and ``Machine``. poll_s: period of polls while there is nothing to publish."""
 
     poll_s: Positive
-    device: StepParams
-    scan: StepParams
-    communication: StepParams
-    parameters: StepParams
-    alarms: StepParams
-    servo_on: StepParams
+    retry_s: Positive
+    attempts: Annotated[int, Field(ge=1)]
+    attempt_pause_s: Positive
+    probe_period_s: Positive
+    communication_retry_s: Positive
+    request_pause_s: Positive
 
 
 class ManipulatorStateParams(Config):
@@ -44,7 +33,7 @@ class ManipulatorStateParams(Config):
     isaacsim_stamp: the Isaac Sim topic carries the stamp too. auto_servo_on: alarms are cleared and servos switched on
     at the start. status_stale_s: timeout of the engine's cycle counter, after which its status is invalid.
     stop_communication: at the end, if this node started it and no other device is open. end_timeout_s: longest
-    wait for moving joints to stop at the end.
+    wait at the end for joints to stop and servos to go off.
     """
 
     joint_number: Annotated[int, Field(ge=1, le=MAX_AXES)]
@@ -63,7 +52,7 @@ class ManipulatorStateParams(Config):
     stop_communication: bool
     status_stale_s: Positive
     end_timeout_s: Positive
-    start: StartParams
+    session: SessionParams
 
     @model_validator(mode="after")
     def _consistent(self) -> ManipulatorStateParams:
@@ -85,31 +74,6 @@ class ManipulatorStateParams(Config):
         """Names of the encoder, Isaac Sim and Gazebo topics; empty for one that is not set."""
         encoder, isaac, gazebo = self.encoder_joint_topic, self.isaacsim_joint_topic, self.gazebo_joint_topic
         return set_or_empty(encoder), set_or_empty(isaac), set_or_empty(gazebo)
-
-    @property
-    def joints(self) -> JointSettings:
-        return JointSettings(
-            names=self.joint_name,
-            n_joints=self.joint_number,
-            gripper_byte=self.gripper_byte,
-            gripper_bit=self.gripper_bit,
-            finger_open=self.gripper_open_value,
-            finger_closed=self.gripper_close_value,
-        )
-
-    def rules(self) -> dict[Step, Rule]:
-        """One rule for each step that can fail."""
-        start = self.start
-        steps = {
-            Step.DEVICE: start.device,
-            Step.SCAN: start.scan,
-            Step.COMMUNICATION: start.communication,
-            Step.PARAMETERS: start.parameters,
-            Step.AXIS_REPORT: start.parameters,
-            Step.CLEAR_ALARMS: start.alarms,
-            Step.SERVO_ON: start.servo_on,
-        }
-        return {step: Rule(**rule.model_dump()) for step, rule in steps.items()}
 
     def parameter_file(self, folder: Path) -> str:
         """The engine's parameter file, a relative path counted from ``folder``; empty if there is none."""

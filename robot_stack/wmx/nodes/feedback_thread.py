@@ -13,7 +13,6 @@ from collections.abc import Callable
 from robot_stack.core.pacing import Pacer, Sleeper, sharpen_sleep
 from robot_stack.wmx.axes import AxisFeedback, StatusSnapshot, axis_feedback
 from robot_stack.wmx.manipulator.bring_up import BringUp
-from robot_stack.wmx.manipulator.startup import Step
 
 # Switch interval of the interpreter for this thread; callbacks of the node's executor take longer.
 _SWITCH_INTERVAL_S = 0.0002
@@ -26,15 +25,15 @@ _JOIN_MARGIN_S = 1.0
 class FeedbackThread:
     """Brings the manipulator up and, while it is valid, publishes the joints' feedback once per period.
 
-    publish: called in the thread with fresh feedback; False if it was invalid. stopped: an emergency
-    stop is active. For reports: ``skipped`` counts the periods after the start without a message,
+    publish: called in the thread with fresh feedback; returns why it was invalid, else an empty text. stopped: an
+    emergency stop is active. For reports: ``skipped`` counts the periods after the start without a message,
     ``reason`` is that of the last one; ``failure`` is the traceback of a thread that ended by an exception.
     """
 
     def __init__(
         self,
         bring_up: BringUp,
-        publish: Callable[[AxisFeedback], bool],
+        publish: Callable[[AxisFeedback], str],
         stopped: Callable[[], bool],
         rate_hz: float,
         poll_s: float,
@@ -79,7 +78,7 @@ class FeedbackThread:
         frozen = False
         while not self._ended:
             self._tick()
-            ready = self.snapshot is not None or self._bring_up.progress.step is Step.READY
+            ready = self.snapshot is not None or self._bring_up.started
             pacer.period_ns = self._period_ns if ready else self._poll_ns
             if not frozen and self.published:
                 gc.collect()
@@ -94,17 +93,18 @@ class FeedbackThread:
         feedback = self._bring_up.look(now_s) if now_s < self._status_due_s else None
         if feedback is None:
             feedback = self._poll(now_s)
-        if feedback is not None and self._publish(feedback):
+        problem = self._bring_up.state.text if feedback is None else self._publish(feedback)
+        if feedback is not None and not problem:
             self.published += 1
             return
         self.snapshot = None
         self._status_due_s = -math.inf
-        if self._bring_up.progress.step is Step.READY:
+        if self._bring_up.started:
             self.skipped += 1
-            self.reason = self._bring_up.status_problem
+            self.reason = problem
 
     def _poll(self, now_s: float) -> AxisFeedback | None:
-        self.snapshot = self._bring_up.poll(now_s, self._stopped)
+        self.snapshot = self._bring_up.poll(now_s, stop=self._stopped())
         self._status_due_s = now_s + _STATUS_PERIOD_S
         return None if self.snapshot is None else axis_feedback(self.snapshot)
 

@@ -10,12 +10,12 @@ from robot_stack.middleware.raw import RawSender
 from robot_stack.wmx import connect
 from robot_stack.wmx.axes import AxisFeedback
 from robot_stack.wmx.config import load_client_config
-from robot_stack.wmx.manipulator.bring_up import BringUp, BringUpSettings
-from robot_stack.wmx.manipulator.joints import faults, read
+from robot_stack.wmx.manipulator.bring_up import BringUp
+from robot_stack.wmx.manipulator.joints import read
 from robot_stack.wmx.manipulator.params import ManipulatorStateParams
-from robot_stack.wmx.manipulator.startup import Level, Step
 from robot_stack.wmx.nodes.feedback_thread import FeedbackThread
 from robot_stack.wmx.nodes.joint_outputs import JointOutputs
+from robot_stack.wmx.start_up import SessionState, Stage
 
 _REPORT_HZ = 10.0
 _COMPLAIN_S = 5.0
@@ -29,7 +29,6 @@ class ManipulatorStateNode(StackNode):
         super().__init__("manipulator_state", ManipulatorStateParams)
         params: ManipulatorStateParams = self.params
         client = load_client_config()
-        self._joints = params.joints
         encoder, isaac, gazebo = params.topics
         self._outputs = JointOutputs(
             params.joint_name,
@@ -39,23 +38,19 @@ class ManipulatorStateNode(StackNode):
             isaac_stamp=params.isaacsim_stamp,
         )
         self._skipped = 0
-        settings = BringUpSettings(
-            n_joints=params.joint_number,
-            names=params.joint_name,
-            parameter_file=params.parameter_file(config_dir()),
-            auto_servo_on=params.auto_servo_on,
-            stop_communication=params.stop_communication,
-            stale_s=params.status_stale_s,
-            rules=params.rules(),
+        self._bring_up = BringUp(
+            lambda: connect("manipulator_state", client, _CONNECT_S),
+            params,
+            params.parameter_file(config_dir()),
+            self.get_logger(),
         )
-        self._bring_up = BringUp(lambda: connect("manipulator_state", client, _CONNECT_S), settings)
         self._feedback = self.device(
             FeedbackThread,
             self._bring_up,
             self._publish,
             lambda: self.emergency_stop,
             params.joint_feedback_rate,
-            params.start.poll_s,
+            params.session.poll_s,
             params.end_timeout_s,
         )
         self.every(_REPORT_HZ, self._report)
@@ -66,13 +61,12 @@ class ManipulatorStateNode(StackNode):
 
     # --- in the feedback thread --------------------------------------------------------------------------------------
 
-    def _publish(self, feedback: AxisFeedback) -> bool:
-        values = read(feedback, self._joints)
+    def _publish(self, feedback: AxisFeedback) -> str:
+        values = read(feedback, self.params)
         if values is None:
-            self._bring_up.status_problem = "a joint's position or velocity is not finite"
-            return False
+            return "a joint's position or velocity is not finite"
         self._outputs.send(*values, self.now_ns())
-        return True
+        return ""
 
     # --- in the executor ---------------------------------------------------------------------------------------------
 
@@ -81,48 +75,34 @@ class ManipulatorStateNode(StackNode):
         feedback = self._feedback
         if feedback.failure:
             raise RuntimeError(f"the feedback thread has ended:\n{feedback.failure}")
-        self._log_lines()
-        progress, snapshot = self._bring_up.progress, feedback.snapshot
-        if progress.step is not Step.READY:
-            on_its_way = not progress.failures and (progress.waiting or not progress.text)
-            if self.report.ok or not on_its_way:
-                self.set_health(False, f"{progress.step.value}: {progress.text or 'under way'}")
-        elif snapshot is None:
+        changes = self._bring_up.changes
+        while changes:
+            self._set_health(changes.popleft())
+        state = self._bring_up.state
+        if state.stage is Stage.READY and feedback.snapshot is None:
             self.set_health(False, f"nothing published: {feedback.reason or 'no status yet'}")
         else:
-            fault = faults(snapshot, self._joints, servos=self.params.auto_servo_on)
-            self.set_health(not fault, fault or "joints are up")
+            self._set_health(state)
         if feedback.skipped > self._skipped:
             text = f"nothing published {feedback.skipped - self._skipped} times: {feedback.reason}"
             self.get_logger().warning(text, throttle_duration_sec=_COMPLAIN_S)
         self._skipped = feedback.skipped
         self.report.values = {
-            "step": progress.step.value,
+            "engine": state.stage.value,
             "published": str(feedback.published),
             "skipped": str(feedback.skipped),
             "overruns": str(feedback.overruns),
             "latest tick": f"{feedback.worst_late_ns * 1e-6:.2f} ms",
         }
 
-    def _log_lines(self) -> None:
-        logger = self.get_logger()
-        while self._bring_up.lines:
-            line = self._bring_up.lines.popleft()
-            match line.level:  # rclpy needs a separate call for each level
-                case Level.INFO:
-                    logger.info(line.text)
-                case Level.WARNING:
-                    logger.warning(line.text)
-                case Level.ERROR:
-                    logger.error(line.text)
+    def _set_health(self, state: SessionState) -> None:
+        self.set_health(state.stage is Stage.READY, state.text)
 
     # --- end ---------------------------------------------------------------------------------------------------------
 
     def safe_output(self) -> None:
         """Stops the joints, switches off the servos switched on here, and closes the device."""
-        ended = self._feedback.end()
-        self._log_lines()
-        if ended:
+        if self._feedback.end():
             self._outputs.close()
 
 

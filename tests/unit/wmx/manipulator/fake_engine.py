@@ -93,24 +93,24 @@ class FakeEngine:
         param = Config_AxisParam([0] * n, [52953088.0] * n, [6.25] * n, [-1] * n, [True] * n, [0.0] * n)
         return self._code("GetAxisParam"), param
 
-    def ClearAmpAlarm(self, axis: int) -> int:
-        if self._answer(f"ClearAmpAlarm({axis})"):
-            self.flag(Flag.AMP_ALARM, axis, 0)
-        return self._code(f"ClearAmpAlarm({axis})")
+    def ClearAmpAlarm_AxisSel(self, selection: AxisSelection) -> int:
+        return self._set(f"ClearAmpAlarm({_axes(selection)})", Flag.AMP_ALARM, selection, 0)
 
-    def ClearAxisAlarm(self, axis: int) -> int:
-        if self._answer(f"ClearAxisAlarm({axis})"):
-            self.flag(Flag.FOLLOWING_ERROR_ALARM, axis, 0)
-        return self._code(f"ClearAxisAlarm({axis})")
+    def ClearAxisAlarm_AxisSel(self, selection: AxisSelection) -> int:
+        return self._set(f"ClearAxisAlarm({_axes(selection)})", Flag.FOLLOWING_ERROR_ALARM, selection, 0)
 
-    def SetServoOn(self, axis: int, on: int) -> int:
-        if self._answer(f"SetServoOn({axis}, {on})"):
-            self.flag(Flag.SERVO_ON, axis, on)
-        return self._code(f"SetServoOn({axis}, {on})")
+    def SetServoOn_AxisSel(self, selection: AxisSelection, on: int) -> int:
+        return self._set(f"SetServoOn({_axes(selection)}, {on})", Flag.SERVO_ON, selection, on)
 
     def Stop_AxisSel(self, selection: AxisSelection) -> int:
-        axes = [selection.GetAxis(i) for i in range(selection.axisCount)]
-        if self._answer(f"Stop_AxisSel({axes})"):
-            for axis in axes:
-                self.flag(Flag.OP_STATE, axis, OperationState.Idle)
-        return 0
+        return self._set(f"Stop_AxisSel({_axes(selection)})", Flag.OP_STATE, selection, OperationState.Idle)
+
+    def _set(self, call: str, flag: Flag, selection: AxisSelection, value: int) -> int:
+        if self._answer(call):
+            for axis in _axes(selection):
+                self.flag(flag, axis, value)
+        return self._code(call)
+
+
+def _axes(selection: AxisSelection) -> list[int]:
+    return [selection.GetAxis(i) for i in range(selection.axisCount)]

@@ -5,15 +5,14 @@ from __future__ import annotations
 import gc
 import sys
 import time
-from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
 from robot_stack.wmx.axes import axis_feedback, empty_snapshot
-from robot_stack.wmx.manipulator.startup import Progress, Step
 from robot_stack.wmx.nodes.feedback_thread import FeedbackThread
+from robot_stack.wmx.start_up import SessionState, Stage
 from tests.support.waiting import wait_for
 
 
@@ -30,17 +29,16 @@ class FakeBringUp:
     """Ready from the start. ``status``: result of a poll. ``changed_at``: first look without a result."""
 
     def __init__(self) -> None:
-        self.progress = Progress(Step.READY)
-        self.status_problem = "no status"
+        self.state = SessionState(Stage.READY, "no status")
+        self.started = True
         self.status: Any = empty_snapshot(6)
-        self.lines: deque[Any] = deque()
         self.ends: list[bool] = []
         self.stops: set[bool] = set()
         self.polls = self.looks = self.changed_at = 0
 
-    def poll(self, now_s: float, stopped: Callable[[], bool]) -> Any:
+    def poll(self, now_s: float, *, stop: bool) -> Any:
         assert abs(now_s - time.monotonic()) < 60.0
-        self.stops.add(stopped())
+        self.stops.add(stop)
         self.polls += 1
         if isinstance(self.status, Exception):
             raise self.status
@@ -50,12 +48,12 @@ class FakeBringUp:
         self.looks += 1
         return axis_feedback(self.status) if self.changed_at == 0 or self.looks < self.changed_at else None
 
-    def end(self, hurry: bool) -> bool:
+    def end(self, *, hurry: bool) -> bool:
         self.ends.append(hurry)
         return len(self.ends) > 2
 
 
-def thread(bring_up: FakeBringUp, publish: Any = lambda _: True, **changes: Any) -> FeedbackThread:
+def thread(bring_up: FakeBringUp, publish: Any = lambda _: "", **changes: Any) -> FeedbackThread:
     settings = {"rate_hz": 500.0, "poll_s": 0.02, "end_timeout_s": 30.0} | changes
     return FeedbackThread(bring_up, publish, lambda: False, **settings)  # type: ignore[arg-type]
 
@@ -63,7 +61,7 @@ def thread(bring_up: FakeBringUp, publish: Any = lambda _: True, **changes: Any)
 def test_it_publishes_every_status_and_ends_in_order():
     bring_up = FakeBringUp()
     published: list[Any] = []
-    paced = thread(bring_up, lambda snapshot: not published.append(snapshot))
+    paced = thread(bring_up, lambda feedback: published.append(feedback) or "")
     paced.start()
     wait_for(lambda: len(published) >= 5, "five ticks")
     paced.end()
@@ -79,11 +77,11 @@ def test_skipped_feedback_is_counted_with_reason(fit: bool):
     bring_up = FakeBringUp()
     if fit:
         bring_up.status = None
-    paced = thread(bring_up, lambda _: fit)
+    paced = thread(bring_up, lambda _: "" if fit else "not finite")
     paced.start()
     wait_for(lambda: paced.skipped >= 3, "three ticks")
     paced.end()
-    assert (paced.published, paced.snapshot, paced.reason) == (0, None, "no status")
+    assert (paced.published, paced.snapshot, paced.reason) == (0, None, "no status" if fit else "not finite")
 
 
 def test_between_polls_it_only_looks():
@@ -110,7 +108,7 @@ def test_poll_follows_insufficient_look_in_same_tick():
 
 def test_the_start_counts_nothing():
     bring_up = FakeBringUp()
-    bring_up.status, bring_up.progress = None, Progress(Step.DEVICE)
+    bring_up.status, bring_up.started = None, False
     paced = thread(bring_up, poll_s=0.001)
     paced.start()
     wait_for(lambda: bring_up.stops, "a tick")

@@ -9,7 +9,6 @@ import pytest
 
 from robot_stack.core.config import ConfigError, config_dir, load, read_yaml, validate
 from robot_stack.wmx.manipulator.params import ManipulatorStateParams, set_or_empty
-from robot_stack.wmx.manipulator.startup import Step
 
 
 def changed(**changes: Any) -> ManipulatorStateParams:
@@ -25,10 +24,8 @@ def test_the_file():
     assert params.joint_name == (*(f"joint{i}" for i in range(1, 7)), "picker_1_joint", "picker_2_joint")
     assert params.topics == ("/joint_states", "", "/gazebo_position_controller/commands")
     assert (params.gripper_byte, params.gripper_bit) == (0, 0)
-    assert set(params.rules()) == set(Step) - {Step.READY}
-    device = params.rules()[Step.DEVICE]
-    assert (device.attempts, device.pause_s) == (5, 2.0)
-    assert params.rules()[Step.COMMUNICATION].limit_s == 10.0
+    assert (params.session.attempts, params.session.attempt_pause_s) == (5, 2.0)
+    assert params.session.communication_retry_s == 10.0
 
 
 @pytest.mark.parametrize(

@@ -13,12 +13,14 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
+from robot_stack.core.config import load
 from robot_stack.wmx.axes import AxisFeedback, Real, axis_feedback, empty_snapshot
-from robot_stack.wmx.manipulator.joints import JointSettings
+from robot_stack.wmx.manipulator.params import ManipulatorStateParams
 from robot_stack.wmx.nodes.joint_outputs import JointOutputs
 from robot_stack.wmx.nodes.manipulator_state import ManipulatorStateNode
 
 NAMES = ("joint1", "left", "right")
+PARAMS = load(ManipulatorStateParams, "manipulator_state").model_copy(update={"joint_number": 1, "joint_name": NAMES})
 STAMP_NS = 5_000_000_006
 
 
@@ -39,9 +41,8 @@ def node(sent: Sent, *, without: tuple[str, ...] = (), unheard: tuple[str, ...] 
         for name in ("encoder", "isaac", "gazebo")
     )
     return SimpleNamespace(
-        _joints=JointSettings(NAMES, 1, 0, 0, finger_open=0.0, finger_closed=0.045),
+        params=PARAMS,
         _outputs=JointOutputs(NAMES, *senders, isaac_stamp=isaac_stamp),
-        _bring_up=SimpleNamespace(status_problem=""),
         now_ns=lambda: STAMP_NS,
     )
 
@@ -55,7 +56,7 @@ def feedback(position: float = 0.5) -> AxisFeedback:
 
 def test_isaac_without_stamp_then_the_stamped_one_then_gazebo():
     sent = Sent()
-    assert ManipulatorStateNode._publish(node(sent), feedback())
+    assert not ManipulatorStateNode._publish(node(sent), feedback())
     assert [name for name, _ in sent.items] == ["isaac", "encoder", "gazebo"]
     isaac, encoder = (deserialize_message(data, JointState) for _, data in sent.items[:2])
     assert (isaac.header.stamp.sec, isaac.header.stamp.nanosec) == (0, 0)
@@ -68,7 +69,7 @@ def test_isaac_without_stamp_then_the_stamped_one_then_gazebo():
 
 def test_a_stamp_for_isaac_if_so_configured():
     sent = Sent()
-    assert ManipulatorStateNode._publish(node(sent, isaac_stamp=True), feedback())
+    assert not ManipulatorStateNode._publish(node(sent, isaac_stamp=True), feedback())
     assert deserialize_message(sent.items[0][1], JointState).header.stamp.sec == 5
 
 
@@ -82,13 +83,11 @@ def test_a_stamp_for_isaac_if_so_configured():
 )
 def test_unset_or_unsubscribed_outputs_are_not_published(changes: dict[str, Any], names: list[str]):
     sent = Sent()
-    assert ManipulatorStateNode._publish(node(sent, **changes), feedback())
+    assert not ManipulatorStateNode._publish(node(sent, **changes), feedback())
     assert [name for name, _ in sent.items] == names
 
 
 def test_a_value_that_is_not_finite_is_not_sent():
     sent = Sent()
-    fake = node(sent)
-    assert not ManipulatorStateNode._publish(fake, feedback(math.nan))
-    assert sent.items == []
-    assert fake._bring_up.status_problem == "a joint's position or velocity is not finite"
+    problem = ManipulatorStateNode._publish(node(sent), feedback(math.nan))
+    assert (problem, sent.items) == ("a joint's position or velocity is not finite", [])
