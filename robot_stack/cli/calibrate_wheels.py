@@ -14,8 +14,8 @@ from robot_stack.core.config import load
 from robot_stack.core.robot import load_robot
 from robot_stack.drive.joint_states import BadJointStates, encoders
 from robot_stack.drive.odometry import SwerveOdometry
-from robot_stack.drive.params import SwerveControllerParams, module_positions, odometry_settings
-from robot_stack.drive.self_calibration import CalibrationSettings, Learnt
+from robot_stack.drive.params import CalibrationParams, SwerveControllerParams
+from robot_stack.drive.self_calibration import Learnt
 
 # An estimate is unobserved if its deviation is hardly below the prior's.
 _TOLD = 0.3
@@ -24,8 +24,7 @@ _TOLD = 0.3
 def calibrate_wheels(recording: Path, picture: Path | None) -> None:
     """Raises CommandError, ConfigError."""
     params, robot = load(SwerveControllerParams, "swerve_controller"), load_robot()
-    settings = odometry_settings(params.odometry, robot)
-    odometry = SwerveOdometry(module_positions(robot), settings)
+    odometry = SwerveOdometry(params.odometry, robot)
     refused = 0
     for item in messages(recording, (topics.JOINT_STATES.name,), lambda done, total: None):
         if isinstance(item, str):
@@ -40,7 +39,7 @@ def calibrate_wheels(recording: Path, picture: Path | None) -> None:
     if refused:
         print(f"warning: {recording}: {refused} joint states refused", file=sys.stderr)
     learnt = odometry.calibration.learnt()
-    problem = untold(learnt, settings.calibration)
+    problem = untold(learnt, params.odometry.calibration)
     if problem:
         raise CommandError(f"{recording}: {problem}")
     print("\n".join(lines_of(learnt)))
@@ -49,13 +48,13 @@ def calibrate_wheels(recording: Path, picture: Path | None) -> None:
         print(f"picture: {picture}")
 
 
-def untold(learnt: Learnt, settings: CalibrationSettings) -> str:
+def untold(learnt: Learnt, prior: CalibrationParams) -> str:
     """The reason if the ride does not determine the wheels' errors; empty if it does."""
     if not learnt.readings:
         return f"there is no motion in {topics.JOINT_STATES.name}"
-    if max(learnt.radius_deviations) > _TOLD * settings.radius_deviation:
+    if max(learnt.radius_deviations) > _TOLD * prior.radius_deviation:
         return "the ride does not determine the wheel radii: drive straight for longer"
-    if max(learnt.zero_deviations_rad) > _TOLD * settings.zero_deviation_rad:
+    if max(learnt.zero_deviations_rad) > _TOLD * prior.zero_deviation_rad:
         return "the ride does not determine the steering zeros: drive straight and sideways for longer"
     return ""
 

@@ -10,13 +10,7 @@ from robot_stack.core.robot import Robot
 from robot_stack.drive.arbitration import NO_COMMAND, Command
 from robot_stack.drive.kinematics import Four
 from robot_stack.drive.odometry import Encoders, Odometry, SwerveOdometry
-from robot_stack.drive.params import (
-    SwerveControllerParams,
-    drive_settings,
-    module_limits,
-    module_positions,
-    odometry_settings,
-)
+from robot_stack.drive.params import SwerveControllerParams
 from robot_stack.drive.self_calibration import WheelCalibration
 from robot_stack.drive.swerve_drive import DriveOutput, SwerveDrive
 
@@ -28,9 +22,8 @@ class SwerveController:
     """
 
     def __init__(self, params: SwerveControllerParams, robot: Robot) -> None:
-        positions = module_positions(robot)
-        self._drive = SwerveDrive(positions, module_limits(params.module, robot), drive_settings(params.drive, robot))
-        self._odometry = SwerveOdometry(positions, odometry_settings(params.odometry, robot))
+        self._drive = SwerveDrive(params, robot)
+        self._odometry = SwerveOdometry(params.odometry, robot)
         self._standing = params.standing
         self._encoders: Encoders | None = None
         self._stepped_s = math.nan

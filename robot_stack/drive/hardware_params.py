@@ -10,15 +10,15 @@ from robot_stack.contract import topics
 from robot_stack.core.config import Config
 from robot_stack.core.robot import Robot
 from robot_stack.drive.params import Positive, max_wheel_speed_mps
-from robot_stack.drive.session import SessionSettings
 from robot_stack.drive.wheel_axes import AxisSettings
-from robot_stack.wmx.session import Patience
 
 _COMMAND_STALE_S = topics.WHEEL_COMMANDS.stale_limit_s
 
 
 class SessionParams(Config):
-    """See ``SessionSettings`` and ``Patience``; absent_retry_s is its retry_s."""
+    """See ``Patience``; absent_retry_s is its retry_s. communication_retry_s, request_pause_s: between repetitions of
+    an unfulfilled request. standstill_radps: a slower wheel stands.
+    """
 
     absent_retry_s: Positive
     attempts: Annotated[int, Field(ge=1)]
@@ -47,20 +47,6 @@ class SwerveHardwareParams(Config):
         if self.command_lifetime_s <= _COMMAND_STALE_S:
             raise ValueError(f"command_lifetime_s must be above {_COMMAND_STALE_S}: the node handles shorter timeouts")
         return self
-
-
-def session_settings(params: SessionParams) -> SessionSettings:
-    return SessionSettings(
-        connection=Patience(
-            retry_s=params.absent_retry_s,
-            attempts=params.attempts,
-            attempt_pause_s=params.attempt_pause_s,
-            probe_period_s=params.probe_period_s,
-        ),
-        communication_retry_s=params.communication_retry_s,
-        request_pause_s=params.request_pause_s,
-        standstill_radps=params.standstill_radps,
-    )
 
 
 def axis_settings(params: SwerveHardwareParams, robot: Robot, command_rate_hz: float) -> AxisSettings:

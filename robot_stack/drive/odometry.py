@@ -12,9 +12,11 @@ from dataclasses import dataclass, replace
 
 from robot_stack.contract.frames import MODULES
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
+from robot_stack.core.robot import Robot
 from robot_stack.drive.interval import Interval, curvature, displacements, four, split, with_commutator
-from robot_stack.drive.kinematics import TURN, Four, Positions
-from robot_stack.drive.self_calibration import CalibrationSettings, WheelCalibration
+from robot_stack.drive.kinematics import TURN, Four
+from robot_stack.drive.params import OdometryParams, max_wheel_speed_mps, module_positions
+from robot_stack.drive.self_calibration import WheelCalibration
 from robot_stack.drive.wheel_fit import WheelFit, robust_fit
 
 # A rotation needs two wheels.
@@ -24,42 +26,7 @@ _ZERO_MATRIX: Matrix3 = (0.0,) * 9
 _ALL = (0, 1, 2, 3)
 _PLANAR, _UNKNOWN = (0, 1, 5), (2, 3, 4)  # x, y, yaw; z, roll, pitch
 _HUGE_VARIANCE = 1e6
-
-
-@dataclass(frozen=True, slots=True)
-class OdometrySettings:
-    """wheel_radius_m: rolling radius.
-
-    max_wheel_speed_mps, max_steering_rate_radps: an encoder that reports more than twice as much has jumped.
-    max_steering_acceleration_radps2: see ``interval.curvature``.
-    shortest_interval_s: plausibility and speeds are computed over at least this time, because stamps jitter.
-    longest_gap_s: after a longer gap the distance is rejected, because the encoders may have been reset.
-    substep_s, substep_turn_rad: longer intervals and larger turns of a module are cut into even parts.
-    slip_speed_mps, slip_share: wheels are inconsistent if they differ by more than this speed plus this share of
-    the fastest wheel's.
-    deviation_per_sqrt_m, yaw_deviation_per_sqrt_m, yaw_deviation_per_sqrt_rad: growth of the standard deviations, m and
-        rad; slip_factor: multiplies their growth while wheels are inconsistent.
-    twist_deviation_mps, twist_deviation_radps: standard deviations of a twist that all wheels agree on.
-    calibration: see ``self_calibration``.
-    """
-
-    wheel_radius_m: float
-    max_wheel_speed_mps: float
-    max_steering_rate_radps: float
-    max_steering_acceleration_radps2: float
-    shortest_interval_s: float
-    longest_gap_s: float
-    substep_s: float
-    substep_turn_rad: float
-    slip_speed_mps: float
-    slip_share: float
-    deviation_per_sqrt_m: float
-    yaw_deviation_per_sqrt_m: float
-    yaw_deviation_per_sqrt_rad: float
-    slip_factor: float
-    twist_deviation_mps: float
-    twist_deviation_radps: float
-    calibration: CalibrationSettings
+_JUMP = 2.0  # an encoder that reports more than this multiple of the largest speed or rate has jumped
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,14 +61,17 @@ class Odometry:
 class SwerveOdometry:
     """Accumulates readings of the encoders."""
 
-    def __init__(self, positions: Positions, settings: OdometrySettings) -> None:
-        self._positions = positions
-        self._settings = settings
+    def __init__(self, params: OdometryParams, robot: Robot) -> None:
+        self._positions = module_positions(robot)
+        self._params = params
+        self._radius_m, self._max_wheel_speed_mps = robot.wheel_radius_m, max_wheel_speed_mps(robot)
+        self._max_rate_radps = robot.steer.max_rate_radps
+        self._max_acceleration_radps2 = robot.steer.max_acceleration_radps2
         self._last: Encoders | None = None
         self._previous: Interval | None = None
         self._odometry = Odometry()
         self._unread = (ZERO_TWIST, 0.0)  # motion and time since the last update of the twist
-        self.calibration = WheelCalibration(positions, settings.calibration)
+        self.calibration = WheelCalibration(self._positions, params.calibration)
 
     def reset(self) -> None:
         """Starts again at the identity; the next reading only sets the encoders' zero. The calibration stays."""
@@ -117,7 +87,7 @@ class SwerveOdometry:
         last, self._last = self._last, reading
         if last is None:
             self._odometry = replace(self._odometry, twist=ZERO_TWIST, faults=())
-        elif reading.stamp_s - last.stamp_s > self._settings.longest_gap_s:
+        elif reading.stamp_s - last.stamp_s > self._params.longest_gap_s:
             self._odometry = self._after_gap(reading.stamp_s - last.stamp_s)
         elif reading == last:
             self._odometry = replace(self._odometry, faults=())
@@ -128,10 +98,8 @@ class SwerveOdometry:
     def _after_gap(self, gap_s: float) -> Odometry:
         self._previous = None
         self._unread = (ZERO_TWIST, 0.0)
-        lost_m = self._settings.max_wheel_speed_mps * gap_s
-        fault = (
-            f"no encoder reading for {gap_s:.2f} s, at most {self._settings.longest_gap_s} s: motion in it is unknown"
-        )
+        lost_m = self._max_wheel_speed_mps * gap_s
+        fault = f"no encoder reading for {gap_s:.2f} s, at most {self._params.longest_gap_s} s: motion in it is unknown"
         unknown = (lost_m * lost_m, 0.0, 0.0, 0.0, lost_m * lost_m, 0.0, 0.0, 0.0, math.pi**2)
         return replace(
             self._odometry,
@@ -155,7 +123,7 @@ class SwerveOdometry:
 
     def _twist(self, motion: Twist2, elapsed_s: float) -> Twist2:
         """The mean since the twist's last update, once that is ``shortest_interval_s`` ago; until then the last one."""
-        shortest_s = self._settings.shortest_interval_s
+        shortest_s = self._params.shortest_interval_s
         before, before_s = self._unread
         if elapsed_s <= 0.0:  # a clock that was set back, or stands
             before, before_s, elapsed_s = ZERO_TWIST, 0.0, shortest_s
@@ -169,9 +137,9 @@ class SwerveOdometry:
 
     def _interval(self, last: Encoders, reading: Encoders) -> Interval:
         # The distance is known even if the time is not (a clock that went back): only speeds and plausibility need it.
-        elapsed_s = max(reading.stamp_s - last.stamp_s, self._settings.shortest_interval_s)
+        elapsed_s = max(reading.stamp_s - last.stamp_s, self._params.shortest_interval_s)
         turns = (math.remainder(new - old, TURN) for new, old in zip(reading.steer_rad, last.steer_rad, strict=True))
-        radius, learnt = self._settings.wheel_radius_m, self.calibration
+        radius, learnt = self._radius_m, self.calibration
         ways = (
             radius * (1.0 + error) * (new - old)
             for new, old, error in zip(reading.drive_rad, last.drive_rad, learnt.radius_errors, strict=True)
@@ -181,8 +149,8 @@ class SwerveOdometry:
 
     def _plausible(self, interval: Interval) -> tuple[list[int], list[str]]:
         """(modules with plausible readings, errors of the others)."""
-        s, elapsed_s = self._settings, interval.elapsed_s
-        most_m, most_rad = 2.0 * s.max_wheel_speed_mps * elapsed_s, 2.0 * s.max_steering_rate_radps * elapsed_s
+        elapsed_s = interval.elapsed_s
+        most_m, most_rad = _JUMP * self._max_wheel_speed_mps * elapsed_s, _JUMP * self._max_rate_radps * elapsed_s
         believed, faults = [], []
         for i, name in enumerate(MODULES):
             distance_m, turn_rad = interval.ways_m[i], interval.turns_rad[i]
@@ -196,12 +164,12 @@ class SwerveOdometry:
 
     def _moved(self, interval: Interval, believed: list[int]) -> tuple[Pose2, Twist2, WheelFit]:
         """(new pose, sum of the body's motions, the worst of the fits)."""
-        s = self._settings
+        s = self._params
         parts = self._parts(interval)
         slack_m = s.slip_speed_mps * interval.elapsed_s + s.slip_share * max(map(abs, interval.ways_m))
         pose, x, y, yaw, fits = self._odometry.pose, 0.0, 0.0, 0.0, []
         for piece in self._pieces(interval, parts):
-            second_difference = curvature(piece, self._previous, s.max_steering_acceleration_radps2)
+            second_difference = curvature(piece, self._previous, self._max_acceleration_radps2)
             wheels = displacements(piece, second_difference)
             fit = robust_fit(self._positions, wheels, slack_m / parts, believed)
             if parts == 1 and fit.consistent and len(fit.used) == len(MODULES):
@@ -216,12 +184,10 @@ class SwerveOdometry:
     def _pieces(self, interval: Interval, parts: int) -> list[Interval]:
         if parts == 1:
             return [interval]
-        return split(
-            interval, curvature(interval, self._previous, self._settings.max_steering_acceleration_radps2), parts
-        )
+        return split(interval, curvature(interval, self._previous, self._max_acceleration_radps2), parts)
 
     def _parts(self, interval: Interval) -> int:
-        s = self._settings
+        s = self._params
         parts = max(interval.elapsed_s / s.substep_s, max(map(abs, interval.turns_rad)) / s.substep_turn_rad)
         return max(1, math.ceil(parts - 0.5))  # an interval that is only a little late stays whole
 
@@ -229,7 +195,7 @@ class SwerveOdometry:
         self, pose: Pose2, motion: Twist2, twist: Twist2, rms_mps: float, fit: WheelFit, faults: tuple[str, ...]
     ) -> Odometry:
         before = self._odometry
-        factor = 1.0 if fit.consistent else self._settings.slip_factor
+        factor = 1.0 if fit.consistent else self._params.slip_factor
         return Odometry(
             pose,
             twist,
@@ -242,13 +208,13 @@ class SwerveOdometry:
 
     def _growth(self, motion: Twist2, factor: float) -> tuple[float, float]:
         """Variances that this motion adds: (m2 in x and in y, rad2)."""
-        s, way, turn = self._settings, motion.speed(), abs(motion.omega)
+        s, way, turn = self._params, motion.speed(), abs(motion.omega)
         position = s.deviation_per_sqrt_m**2 * way
         yaw = s.yaw_deviation_per_sqrt_m**2 * way + s.yaw_deviation_per_sqrt_rad**2 * turn
         return position * factor**2, yaw * factor**2
 
     def _twist_covariance(self, rms_mps: float) -> Matrix3:
-        s = self._settings
+        s = self._params
         # Least squares over eight rows: a translation is the mean of four wheels, a rotation that mean over their
         # distance.
         arm = math.hypot(*self._positions[0])

@@ -1,4 +1,4 @@
-"""Parameters of the swerve controller, ``config/swerve_controller.yaml``, and the kernel settings made of them and of
+"""Parameters of the swerve controller, ``config/swerve_controller.yaml``, and the module limits made of them and of
 ``config/robot.yaml``.
 """
 
@@ -12,9 +12,6 @@ from robot_stack.core.config import Config
 from robot_stack.core.robot import Robot
 from robot_stack.drive.feasibility import ModuleLimits
 from robot_stack.drive.kinematics import Positions
-from robot_stack.drive.odometry import OdometrySettings
-from robot_stack.drive.self_calibration import CalibrationSettings
-from robot_stack.drive.swerve_drive import DriveSettings
 
 Positive = Annotated[float, Field(gt=0.0)]
 Share = Annotated[float, Field(gt=0.0, le=1.0)]
@@ -33,7 +30,15 @@ class ModuleParams(Config):
 
 
 class DriveParams(Config):
-    """Behaviour of the set point, see ``DriveSettings``."""
+    """Behaviour of the set point.
+
+    emergency_yaw_deceleration_radps2: while braking.
+    align_tolerance_rad: a standing robot starts when every heading is this near.
+    align_timeout_s: after this long, modules that are still off are named as stuck.
+    rest_speed_mps, rest_yaw_rate_radps: smaller commands are none.
+    x_lock_after_s: time at rest after which the wheels cross.
+    longest_step_s: longer steps are taken as this long, so that a late tick makes no leap.
+    """
 
     emergency_yaw_deceleration_radps2: Positive
     align_tolerance_rad: Annotated[float, Field(gt=0.0, le=0.5)]
@@ -52,7 +57,9 @@ class StandingParams(Config):
 
 
 class CalibrationParams(Config):
-    """See ``CalibrationSettings``."""
+    """radius_deviation, zero_deviation_rad: standard deviations among machines. noise_m: of one row of one reading.
+    least_way_m: of the fastest wheel; smaller readings are not used. readings_per_update: between two estimates.
+    """
 
     radius_deviation: Annotated[float, Field(gt=0.0, le=0.05)]
     zero_deviation_rad: Annotated[float, Field(gt=0.0, le=0.1)]
@@ -62,7 +69,15 @@ class CalibrationParams(Config):
 
 
 class OdometryParams(Config):
-    """See ``OdometrySettings``."""
+    """shortest_interval_s: plausibility and speeds are computed over at least this time, because stamps jitter.
+    longest_gap_s: after a longer gap the distance is rejected, because the encoders may have been reset.
+    substep_s, substep_turn_rad: longer intervals and larger turns of a module are cut into even parts.
+    slip_speed_mps, slip_share: wheels are inconsistent if they differ by more than this speed plus this share of
+    the fastest wheel's.
+    deviation_per_sqrt_m, yaw_deviation_per_sqrt_m, yaw_deviation_per_sqrt_rad: growth of the standard deviations, m and
+        rad; slip_factor: multiplies their growth while wheels are inconsistent.
+    twist_deviation_mps, twist_deviation_radps: standard deviations of a twist that all wheels agree on.
+    """
 
     shortest_interval_s: Positive
     longest_gap_s: Positive
@@ -107,28 +122,4 @@ def module_limits(params: ModuleParams, robot: Robot) -> ModuleLimits:
         params.steering_share * robot.steer.max_acceleration_radps2,
         params.slip_tolerance_mps,
         params.reversal_hysteresis_rad,
-    )
-
-
-def drive_settings(params: DriveParams, robot: Robot) -> DriveSettings:
-    return DriveSettings(
-        robot.emergency_deceleration_mps2,
-        params.emergency_yaw_deceleration_radps2,
-        params.align_tolerance_rad,
-        params.align_timeout_s,
-        params.rest_speed_mps,
-        params.rest_yaw_rate_radps,
-        params.x_lock_after_s,
-        params.longest_step_s,
-    )
-
-
-def odometry_settings(params: OdometryParams, robot: Robot) -> OdometrySettings:
-    return OdometrySettings(
-        wheel_radius_m=robot.wheel_radius_m,
-        max_wheel_speed_mps=max_wheel_speed_mps(robot),
-        max_steering_rate_radps=robot.steer.max_rate_radps,
-        max_steering_acceleration_radps2=robot.steer.max_acceleration_radps2,
-        calibration=CalibrationSettings(**params.calibration.model_dump()),
-        **params.model_dump(exclude={"calibration"}),
     )

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from robot_stack.drive.interval import four
 from robot_stack.drive.kinematics import ZEROS, Four, Positions
+from robot_stack.drive.params import CalibrationParams
 
 _MODULES = 4
 _UNKNOWN = 2 * _MODULES
@@ -26,19 +27,6 @@ _SPARE = 5  # rows of a reading that a rigid motion leaves
 _COMMON = 1e-6
 # An estimate beyond this many standard deviations of the prior is not a manufacturing tolerance.
 _BOUND = 4.0
-
-
-@dataclass(frozen=True, slots=True)
-class CalibrationSettings:
-    """radius_deviation, zero_deviation_rad: standard deviations among machines. noise_m: of one row of one reading.
-    least_way_m: of the fastest wheel; smaller readings are not used. readings_per_update: between two estimates.
-    """
-
-    radius_deviation: float
-    zero_deviation_rad: float
-    noise_m: float
-    least_way_m: float
-    readings_per_update: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +50,12 @@ class WheelCalibration:
     steering encoders.
     """
 
-    def __init__(self, positions: Positions, settings: CalibrationSettings) -> None:
-        self._settings = settings
+    def __init__(self, positions: Positions, params: CalibrationParams) -> None:
+        self._params = params
         self._projector = _beside_rigid_motion(positions)
-        self._information = _prior(settings)
+        self._information = _prior(params)
         self._evidence: NDArray[np.float64] = np.zeros(_UNKNOWN)
-        self._deviations = np.repeat([settings.radius_deviation, settings.zero_deviation_rad], _MODULES)
+        self._deviations = np.repeat([params.radius_deviation, params.zero_deviation_rad], _MODULES)
         self._estimate: NDArray[np.float64] = np.zeros(_UNKNOWN)
         self._readings = 0
         self._seen_m2 = 0.0
@@ -77,25 +65,25 @@ class WheelCalibration:
     def observe(self, displacements: Sequence[tuple[float, float]]) -> None:
         """Updates the estimate by the wheels' displacements (m, base_link), corrected by the present one."""
         rows = np.array(displacements).ravel()
-        if np.abs(rows).max() < self._settings.least_way_m:
+        if np.abs(rows).max() < self._params.least_way_m:
             return
         effect = self._projector @ _effects(rows)
         # The rows without the present correction.
         seen = self._projector @ rows + effect @ self._estimate
-        weight = self._settings.noise_m**-2
+        weight = self._params.noise_m**-2
         self._information += weight * (effect.T @ effect)
         self._evidence += weight * (effect.T @ seen)
         self._readings += 1
         self._seen_m2 += float(seen @ seen)
-        if self._readings % self._settings.readings_per_update == 0:
+        if self._readings % self._params.readings_per_update == 0:
             self._solve()
 
     def learnt(self) -> Learnt:
         """The calibration from all readings so far."""
         self._solve()
         deviations = np.sqrt(np.diagonal(np.linalg.inv(self._information))).tolist()
-        weight, e = self._settings.noise_m**-2, self._estimate
-        told = (self._information - _prior(self._settings)) / weight
+        weight, e = self._params.noise_m**-2, self._estimate
+        told = (self._information - _prior(self._params)) / weight
         left_m2 = self._seen_m2 - 2.0 * float(e @ self._evidence) / weight + float(e @ told @ e)
         rows = max(1, _SPARE * self._readings)
         return Learnt(
@@ -123,10 +111,10 @@ def _beside_rigid_motion(positions: Positions) -> NDArray[np.float64]:
     return np.asarray(np.eye(_UNKNOWN) - rigid @ np.linalg.pinv(rigid))
 
 
-def _prior(settings: CalibrationSettings) -> NDArray[np.float64]:
+def _prior(params: CalibrationParams) -> NDArray[np.float64]:
     information = np.zeros((_UNKNOWN, _UNKNOWN))
     together = np.ones((_MODULES, _MODULES)) / (_MODULES * _COMMON) ** 2
-    for start, deviation in ((0, settings.radius_deviation), (_MODULES, settings.zero_deviation_rad)):
+    for start, deviation in ((0, params.radius_deviation), (_MODULES, params.zero_deviation_rad)):
         block = slice(start, start + _MODULES)
         information[block, block] = np.eye(_MODULES) / deviation**2 + together
     return information

@@ -14,6 +14,7 @@ import numpy as np
 
 from robot_stack.contract.frames import DRIVE_AXES, JOINTS, STEER_AXES
 from robot_stack.drive import axis_commands
+from robot_stack.drive.hardware_params import SessionParams
 from robot_stack.drive.kinematics import ModuleSetPoints
 from robot_stack.drive.wheel_axes import AxisSettings, DriveMove, SteerMove, drive_moves, steer_moves, stop_moves
 from robot_stack.wmx.api import AxisCommandMode, EStopLevel
@@ -28,18 +29,6 @@ _MODES = {
 
 # Requests, as refusals name them.
 _ESTOP, _RELEASE, _STEERING, _DRIVING = "emergency stop", "release", "steering", "driving"
-
-
-@dataclass(frozen=True, slots=True)
-class SessionSettings:
-    """connection: with the engine. communication_retry_s, request_pause_s: between repetitions of an unfulfilled
-    request. standstill_radps: a slower wheel stands.
-    """
-
-    connection: Patience
-    communication_retry_s: float
-    request_pause_s: float
-    standstill_radps: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +48,7 @@ class DriveSession:
     def __init__(
         self,
         open_engine: OpenEngine,
-        settings: SessionSettings,
+        params: SessionParams,
         axes: AxisSettings,
         *,
         opener: Callable[[OpenEngine], DeviceOpener] = PromptOpener,
@@ -67,8 +56,11 @@ class DriveSession:
         """open_engine, opener: see ``EngineSession``. axes: how set points become moves, including the time
         after which the engine stops a wheel without a new command.
         """
-        self._engine = EngineSession(open_engine, settings.connection, opener=opener)
-        machine = Machine(dict(enumerate(JOINTS)), _MODES, settings.communication_retry_s, settings.request_pause_s)
+        patience = Patience(
+            params.absent_retry_s, params.attempts, params.attempt_pause_s, probe_period_s=params.probe_period_s
+        )
+        self._engine = EngineSession(open_engine, patience, opener=opener)
+        machine = Machine(dict(enumerate(JOINTS)), _MODES, params.communication_retry_s, params.request_pause_s)
         self._start = StartUp(
             self._engine,
             machine,
@@ -78,7 +70,7 @@ class DriveSession:
             connected=self._on_connection,
         )
         self._steps = (self._start.communication, self._stopping, self._start.alarms, self._start.servos)
-        self._settings, self._axes = settings, axes
+        self._params, self._axes = params, axes
         self._stop = self._may_switch_on = False
         self._stopped = False
         self._tripped = ""
@@ -177,7 +169,7 @@ class DriveSession:
 
     def standing(self, snapshot: StatusSnapshot) -> bool:
         speeds = np.abs(snapshot.actual_velocity[list(DRIVE_AXES)])
-        return bool((speeds <= self._settings.standstill_radps).all())
+        return bool((speeds <= self._params.standstill_radps).all())
 
     def servos_off(self) -> None:
         """Closes the holding brakes. Only for standing wheels."""

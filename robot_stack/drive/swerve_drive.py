@@ -12,20 +12,21 @@ from enum import Enum
 
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
 from robot_stack.core.limits import MotionLimits
+from robot_stack.core.robot import Robot
 from robot_stack.core.twist_limits import approach, brake, followable_rate, limit_speed, no_faster
 from robot_stack.drive.arbitration import Command
-from robot_stack.drive.feasibility import ModuleLimits, ModuleStates, feasible_step, follow_anyhow, turn_in_place
+from robot_stack.drive.feasibility import ModuleStates, feasible_step, follow_anyhow, turn_in_place
 from robot_stack.drive.kinematics import (
     ZEROS,
     Four,
     ModuleSetPoints,
-    Positions,
     cosine_scale,
     desaturated,
     wheel_velocities,
     wrapped,
     x_lock_angles,
 )
+from robot_stack.drive.params import SwerveControllerParams, module_limits, module_positions
 
 
 class DriveState(Enum):
@@ -37,28 +38,6 @@ class DriveState(Enum):
     LOCKED = "wheels crossed"
     BRAKING = "braking"
     HALTED = "halted"
-
-
-@dataclass(frozen=True, slots=True)
-class DriveSettings:
-    """Tuning of the drive that does not depend on the situation.
-
-    brake_mps2, brake_radps2: decelerations of ``step(braking=True)``.
-    align_tolerance_rad: a standing robot starts when every heading is this near.
-    align_timeout_s: after this long, modules that are still off are named as stuck.
-    rest_speed_mps, rest_yaw_rate_radps: smaller commands are none.
-    x_lock_after_s: time at rest after which the wheels cross.
-    longest_step_s: longer steps are taken as this long, so that a late tick makes no leap.
-    """
-
-    brake_mps2: float
-    brake_radps2: float
-    align_tolerance_rad: float
-    align_timeout_s: float
-    rest_speed_mps: float
-    rest_yaw_rate_radps: float
-    x_lock_after_s: float
-    longest_step_s: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +55,12 @@ class DriveOutput:
 class SwerveDrive:
     """The set point and its steps."""
 
-    def __init__(self, positions: Positions, module_limits: ModuleLimits, settings: DriveSettings) -> None:
-        self._positions = positions
-        self._limits = module_limits
-        self._settings = settings
-        self._x_lock = x_lock_angles(positions)
+    def __init__(self, params: SwerveControllerParams, robot: Robot) -> None:
+        self._positions = module_positions(robot)
+        self._limits = module_limits(params.module, robot)
+        self._params = params.drive
+        self._brake_mps2 = robot.emergency_deceleration_mps2
+        self._x_lock = x_lock_angles(self._positions)
         self._states = ModuleStates(ZEROS)
         self._twist = ZERO_TWIST
         self._acceleration = ZERO_TWIST
@@ -127,7 +107,7 @@ class SwerveDrive:
         """
         if not dt_s > 0.0:
             return self._output(measured_rad)
-        dt_s = min(dt_s, self._settings.longest_step_s)
+        dt_s = min(dt_s, self._params.longest_step_s)
         self._aligning_s = self._aligning_s + dt_s if self._state is DriveState.ALIGNING else 0.0
         target, rate = self._target(requested, limits)
         if braking:
@@ -146,7 +126,7 @@ class SwerveDrive:
         if not requested.twist.is_finite():
             return ZERO_TWIST, ZERO_TWIST
         limited = limit_speed(requested.twist, limits.speed_mps, limits.yaw_rate_radps)
-        s = self._settings
+        s = self._params
         if limited.speed() < s.rest_speed_mps and abs(limited.omega) < s.rest_yaw_rate_radps:
             return ZERO_TWIST, ZERO_TWIST
         rate = followable_rate(requested.rate, limits)
@@ -186,20 +166,20 @@ class SwerveDrive:
         )
         states, error = turn_in_place(self._limits, self._states, directions, dt_s)
         lag = 0.0 if measured_rad is None else max(_lags(states.angles_rad, measured_rad))
-        if error + lag <= self._settings.align_tolerance_rad:
+        if error + lag <= self._params.align_tolerance_rad:
             self._drive(target, rate, limits, dt_s)
             return
         self._states, self._acceleration, self._state = states, ZERO_TWIST, DriveState.ALIGNING
 
     def _brake(self, dt_s: float) -> None:
-        self._twist = brake(self._twist, self._settings.brake_mps2, self._settings.brake_radps2, dt_s)
+        self._twist = brake(self._twist, self._brake_mps2, self._params.emergency_yaw_deceleration_radps2, dt_s)
         self._states = follow_anyhow(self._positions, self._limits, self._states, self._twist, dt_s)
         self._acceleration, self._rest_s, self._state = ZERO_TWIST, 0.0, DriveState.BRAKING
 
     def _rest(self, dt_s: float, standing: bool) -> None:
         self._acceleration = ZERO_TWIST
         self._rest_s = self._rest_s + dt_s if standing else 0.0
-        lock = self._rest_s >= self._settings.x_lock_after_s
+        lock = self._rest_s >= self._params.x_lock_after_s
         directions = self._x_lock if lock else (None, None, None, None)
         self._states, _ = turn_in_place(self._limits, self._states, directions, dt_s)
         self._state = DriveState.LOCKED if lock else DriveState.HOLDING
@@ -214,8 +194,8 @@ class SwerveDrive:
                 for speed, angle, measured in zip(speeds, angles, measured_rad, strict=True)
             ]
             speeds = scaled[0], scaled[1], scaled[2], scaled[3]
-        if measured_rad is not None and self._aligning_s > self._settings.align_timeout_s:
-            tolerance = self._settings.align_tolerance_rad
+        if measured_rad is not None and self._aligning_s > self._params.align_timeout_s:
+            tolerance = self._params.align_tolerance_rad
             stuck = tuple(i for i, lag in enumerate(_lags(angles, measured_rad)) if lag > tolerance)
         return DriveOutput(self._twist, ModuleSetPoints(speeds, angles), self._state, stuck)
 

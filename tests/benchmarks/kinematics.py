@@ -11,12 +11,7 @@ from robot_stack.core.limits import MotionLimits, SafetyLimit
 from robot_stack.core.robot import load_robot
 from robot_stack.drive.arbitration import Arbiter, Source
 from robot_stack.drive.kinematics import ZEROS
-from robot_stack.drive.params import (
-    SwerveControllerParams,
-    drive_settings,
-    module_limits,
-    module_positions,
-)
+from robot_stack.drive.params import SwerveControllerParams
 from robot_stack.drive.permission import Situation, permit
 from robot_stack.drive.swerve_drive import SwerveDrive
 from tests.benchmarks.support.framework import Aim, Result, percentile
@@ -54,9 +49,7 @@ def run(ticks: int = 6000) -> Result:
 
 def _controller_us(twists: list[Twist2]) -> list[float]:
     robot, params = load_robot(), load(SwerveControllerParams, "swerve_controller")
-    drive = SwerveDrive(
-        module_positions(robot), module_limits(params.module, robot), drive_settings(params.drive, robot)
-    )
+    drive = SwerveDrive(params, robot)
     measured = drive.halt(ZEROS).modules.angles_rad
     arbiter = Arbiter()
     empty, with_passenger = MotionLimits.of(robot.empty), MotionLimits.of(robot.with_passenger)

@@ -7,7 +7,7 @@ import math
 from custom_msgs.msg import SwerveModuleCommandArray
 from robot_stack.contract import topics
 from robot_stack.contract.frames import DRIVE_AXES, JOINTS
-from robot_stack.drive.hardware_params import SwerveHardwareParams, axis_settings, session_settings
+from robot_stack.drive.hardware_params import SwerveHardwareParams, axis_settings
 from robot_stack.drive.nodes.conversions import joint_states
 from robot_stack.drive.session import DriveSession
 from robot_stack.drive.wheel_axes import BadWheelCommands, checked_set_points
@@ -34,7 +34,7 @@ class SwerveHardwareInterfaceNode(StackNode):
         self._nm_per_percent = [0.01 * torque[axis in DRIVE_AXES] for axis in range(len(JOINTS))]
         self._session = DriveSession(
             lambda: connect("swerve_hardware_interface", client, timeout_s=0.0),
-            session_settings(self.params.session),
+            self.params.session,
             axes,
             opener=lambda open_engine: self.device(ThreadedOpener, open_engine),
         )

@@ -12,12 +12,7 @@ from robot_stack.core.limits import MotionLimits, SafetyLimit
 from robot_stack.core.robot import Robot
 from robot_stack.drive.arbitration import Arbiter, Source
 from robot_stack.drive.kinematics import ZEROS, ModuleSetPoints
-from robot_stack.drive.params import (
-    SwerveControllerParams,
-    drive_settings,
-    module_limits,
-    module_positions,
-)
+from robot_stack.drive.params import SwerveControllerParams
 from robot_stack.drive.permission import Action, Situation, permit
 from robot_stack.drive.swerve_drive import SwerveDrive
 from robot_stack.safety.arbiter import Verdict
@@ -32,9 +27,7 @@ class DrivenRobot:
 
     def __init__(self, robot: Robot, chair: bool) -> None:
         params = load(SwerveControllerParams, "swerve_controller")
-        self._drive = SwerveDrive(
-            module_positions(robot), module_limits(params.module, robot), drive_settings(params.drive, robot)
-        )
+        self._drive = SwerveDrive(params, robot)
         self._arbiter = Arbiter()
         self._limits = MotionLimits.of(robot.empty), MotionLimits.of(robot.with_passenger)
         self._standing, self._radius_m, self._chair = params.standing, robot.wheel_radius_m, chair

@@ -13,7 +13,7 @@ from robot_stack.core.config import load
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import Robot
 from robot_stack.drive.odometry import Encoders, SwerveOdometry
-from robot_stack.drive.params import SwerveControllerParams, module_positions, odometry_settings
+from robot_stack.drive.params import SwerveControllerParams
 
 RATE_HZ = 50
 _FINE_STEPS = 100  # integration steps of the truth within one reading
@@ -95,7 +95,7 @@ def _accumulated(increments: Array) -> Array:
 def error_m(ride: PerfectRide, robot: Robot) -> float:
     """Distance of the stack's own odometry from the truth at the end."""
     params = load(SwerveControllerParams, "swerve_controller").odometry
-    odometry = SwerveOdometry(module_positions(robot), odometry_settings(params, robot))
+    odometry = SwerveOdometry(params, robot)
     last = len(ride.stamps_s) - 1
     for index in range(last):
         odometry.update(ride.encoders(index, robot.wheel_radius_m))

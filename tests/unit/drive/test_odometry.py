@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
@@ -11,10 +10,11 @@ from hypothesis import strategies as st
 
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
 from robot_stack.drive.kinematics import ZEROS, Four, wheel_velocities
-from robot_stack.drive.odometry import Encoders, Odometry, OdometrySettings, SwerveOdometry
+from robot_stack.drive.odometry import Encoders, Odometry, SwerveOdometry
+from robot_stack.drive.params import OdometryParams
 from robot_stack.drive.wheel_fit import fit, residuals, robust_fit
 from tests.benchmarks.support.perfect_ride import PerfectRide, perfect_ride
-from tests.unit.drive.robot import ODOMETRY_SETTINGS, POSITIONS, ROBOT
+from tests.unit.drive.robot import PARAMS, POSITIONS, ROBOT
 
 RADIUS = ROBOT.wheel_radius_m
 DT_S = 0.02
@@ -28,7 +28,7 @@ def ride() -> PerfectRide:
 
 
 def new_odometry() -> SwerveOdometry:
-    return SwerveOdometry(POSITIONS, ODOMETRY_SETTINGS)
+    return SwerveOdometry(PARAMS.odometry, ROBOT)
 
 
 class Wheels:
@@ -268,7 +268,7 @@ def imperfect(reading: Encoders) -> Encoders:
 
 
 def test_wheel_radii_and_steering_zeros_are_learnt_from_the_ride(ride: PerfectRide):
-    odometry, unlearnt = new_odometry(), SwerveOdometry(POSITIONS, without_learning())
+    odometry, unlearnt = new_odometry(), SwerveOdometry(without_learning(), ROBOT)
     last = len(ride.stamps_s) - 1
     for _ in range(2):  # the first run learns; reset clears only the pose
         odometry.reset()
@@ -290,20 +290,21 @@ def test_calibration_reports_deviations_of_estimates(ride: PerfectRide):
     assert learnt.radius_errors == pytest.approx(RADIUS_ERRORS, abs=5e-5)
     assert learnt.zero_errors_rad == pytest.approx(ZERO_ERRORS, abs=5e-5)
     # Noise-free encoders yield smaller deviations than the specified ones.
-    assert max(learnt.radius_deviations) < 0.1 * ODOMETRY_SETTINGS.calibration.radius_deviation
-    assert max(learnt.zero_deviations_rad) < 0.1 * ODOMETRY_SETTINGS.calibration.zero_deviation_rad
+    assert max(learnt.radius_deviations) < 0.1 * PARAMS.odometry.calibration.radius_deviation
+    assert max(learnt.zero_deviations_rad) < 0.1 * PARAMS.odometry.calibration.zero_deviation_rad
     assert learnt.readings > 500
     assert learnt.left_m < 0.2 * learnt.unlike_m
     untold = new_odometry().calibration.learnt()
     assert (untold.readings, untold.unlike_m, untold.left_m) == (0, 0.0, 0.0)
     # Deviations are relative to the other wheels: the common part is held at zero.
-    prior = ODOMETRY_SETTINGS.calibration.radius_deviation
+    prior = PARAMS.odometry.calibration.radius_deviation
     assert untold.radius_deviations == pytest.approx([math.sqrt(0.75) * prior] * 4, rel=1e-3)
 
 
-def without_learning() -> OdometrySettings:
-    calibration = replace(ODOMETRY_SETTINGS.calibration, radius_deviation=1e-9, zero_deviation_rad=1e-9)
-    return replace(ODOMETRY_SETTINGS, calibration=calibration)
+def without_learning() -> OdometryParams:
+    prior = {"radius_deviation": 1e-9, "zero_deviation_rad": 1e-9}
+    calibration = PARAMS.odometry.calibration.model_copy(update=prior)
+    return PARAMS.odometry.model_copy(update={"calibration": calibration})
 
 
 def test_nothing_is_learnt_from_standing_or_slipping_wheels():
@@ -322,7 +323,7 @@ def test_calibrated_radius_error_is_bounded():
     for _ in range(3000):
         wheels.advance(Twist2(1.0, 0.0, 0.0), slip=(-0.04, 0.0, 0.0, 0.0))
         wheels.odometry.update(wheels.reading())
-    deviation = ODOMETRY_SETTINGS.calibration.radius_deviation
+    deviation = PARAMS.odometry.calibration.radius_deviation
     assert max(map(abs, wheels.odometry.calibration.radius_errors)) <= 4.0 * deviation
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from robot_stack.core.config import ConfigError, config_dir, read_yaml, validate
 from robot_stack.drive.hardware_params import SwerveHardwareParams
-from robot_stack.drive.params import SwerveControllerParams, drive_settings, module_limits
+from robot_stack.drive.params import SwerveControllerParams, module_limits
 from tests.unit.drive.robot import PARAMS, ROBOT
 
 
@@ -72,4 +72,3 @@ def test_module_limits_are_derived_from_robot_parameters():
     # 30 rad/s on 0.0825 m, 95 % of it; 80 % of the steering.
     assert limits.max_wheel_speed_mps == pytest.approx(0.95 * 30.0 * 0.0825)
     assert limits.max_steering_rate_radps == pytest.approx(0.8 * 8.0)
-    assert drive_settings(PARAMS.drive, ROBOT).brake_mps2 == 2.0

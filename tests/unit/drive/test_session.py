@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robot_stack.core.config import load
-from robot_stack.drive.hardware_params import SwerveHardwareParams, axis_settings, session_settings
+from robot_stack.drive.hardware_params import SwerveHardwareParams, axis_settings
 from robot_stack.drive.kinematics import ModuleSetPoints
 from robot_stack.drive.session import DriveSession
 from robot_stack.drive.wheel_axes import DriveMove, SteerMove
@@ -20,7 +20,6 @@ from robot_stack.wmx.start_up import Stage
 from tests.unit.drive.robot import ROBOT
 
 PARAMS = load(SwerveHardwareParams, "swerve_hardware_interface")
-SETTINGS = session_settings(PARAMS.session)
 AXES = axis_settings(PARAMS, ROBOT, 50.0)
 TICK_S = 0.02
 DRIVES = [DriveMove(0, 1.0, 10.0, 25.0, 0.1, 0.1)]
@@ -121,7 +120,7 @@ class Story:
         self.refusals: list[int] = []  # codes returned by the next attempts to open a device
         self.opened = 0
         self.now_s = 100.0
-        self.session = DriveSession(self._open, SETTINGS, AXES)
+        self.session = DriveSession(self._open, PARAMS.session, AXES)
 
     def _open(self) -> FakeEngine:  # type: ignore[override]
         if self.refusals:

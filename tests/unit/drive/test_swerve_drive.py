@@ -14,7 +14,7 @@ from robot_stack.core.limits import STANDSTILL, MotionLimits
 from robot_stack.drive.arbitration import Command
 from robot_stack.drive.kinematics import ZEROS, Four, fastest_wheel_mps, wheel_velocities, x_lock_angles
 from robot_stack.drive.swerve_drive import DriveOutput, DriveState, SwerveDrive
-from tests.unit.drive.robot import DRIVE_SETTINGS, EMPTY, MODULE_LIMITS, POSITIONS, TICK_S, WITH_PASSENGER, new_drive
+from tests.unit.drive.robot import EMPTY, MODULE_LIMITS, PARAMS, POSITIONS, TICK_S, WITH_PASSENGER, new_drive
 
 FORWARD, LEFT, TURN = Twist2(1.0, 0.0, 0.0), Twist2(0.0, 1.0, 0.0), Twist2(0.0, 0.0, 1.0)
 moderate = st.floats(-2.0, 2.0)
@@ -174,7 +174,7 @@ def test_every_wish_is_reached(before: list[Twist2], requested: Twist2):
     speed, yaw_rate = requested.speed(), abs(requested.omega)
     factor = min(1.0, 1.5 / speed if speed else 1.0, 1.0 / yaw_rate if yaw_rate else 1.0)
     target = requested.scaled(factor)
-    at_rest = target.speed() < DRIVE_SETTINGS.rest_speed_mps and abs(target.omega) < DRIVE_SETTINGS.rest_yaw_rate_radps
+    at_rest = target.speed() < PARAMS.drive.rest_speed_mps and abs(target.omega) < PARAMS.drive.rest_yaw_rate_radps
     assert close(story.output.twist, ZERO_TWIST if at_rest else target, 1e-6)
 
 
@@ -261,7 +261,7 @@ def test_late_step_makes_no_leap():
     story.ride(FORWARD, 0.5)
     before = story.output.twist.vx
     output = story.drive.step(Command(FORWARD), EMPTY, 5.0, ZEROS, standing=False)
-    assert output.twist.vx - before <= EMPTY.acceleration_mps2 * DRIVE_SETTINGS.longest_step_s + 1e-9
+    assert output.twist.vx - before <= EMPTY.acceleration_mps2 * PARAMS.drive.longest_step_s + 1e-9
 
 
 # --- at rest ---------------------------------------------------------------------------------------------------------
@@ -277,7 +277,7 @@ def test_headings_are_kept_at_rest():
 
 def test_wheels_cross_after_a_time_at_rest_and_uncross_before_driving():
     story = Story()
-    story.ride(ZERO_TWIST, DRIVE_SETTINGS.x_lock_after_s - 0.2)
+    story.ride(ZERO_TWIST, PARAMS.drive.x_lock_after_s - 0.2)
     assert story.output.modules.angles_rad == ZEROS
     story.ride(ZERO_TWIST, 1.5)
     assert story.output.state is DriveState.LOCKED
@@ -293,7 +293,7 @@ def test_wheels_cross_after_a_time_at_rest_and_uncross_before_driving():
 
 def test_wheels_do_not_cross_while_something_pushes_the_robot():
     story = Story()
-    story.ride(ZERO_TWIST, 2 * DRIVE_SETTINGS.x_lock_after_s, standing=False)
+    story.ride(ZERO_TWIST, 2 * PARAMS.drive.x_lock_after_s, standing=False)
     assert story.output.state is DriveState.HOLDING
 
 
