@@ -14,19 +14,18 @@ from robot_stack.wmx.axes import AxisFeedback, StatusSnapshot, axis_feedback, em
 from robot_stack.wmx.config import EngineConfig
 from robot_stack.wmx.engine_server.engine import Engine
 from robot_stack.wmx.engine_server.requests import Session, execute
-from robot_stack.wmx.simulated.client import ClientLimits, Device
+from robot_stack.wmx.simulated.client import Device
 from robot_stack.wmx.simulated.library import library_of
 from sim.plant.simulation import Simulation
 
 _COMMUNICATION_TRIES: Final = 1000
-_LIMITS: Final = ClientLimits(call_timeout_s=1.0, status_stale_s=1.0)  # nothing is sent, so nothing can be late
 
 
 class LocalDevice(Device):
     """A device on an engine in this process."""
 
     def __init__(self, engine: Engine) -> None:
-        super().__init__(_LIMITS)
+        super().__init__(call_timeout_s=1.0, status_stale_s=1.0)  # nothing is sent, so nothing can be late
         self._engine = engine
         self._session = Session()
 

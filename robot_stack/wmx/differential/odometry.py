@@ -15,23 +15,9 @@ from numpy.typing import NDArray
 
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2, exp_se2
 from robot_stack.wmx.differential.kinematics import BaseGeometry, WheelPair, body_twist
+from robot_stack.wmx.differential.params import Matrix3, OdometryParams
 
-Matrix3 = tuple[float, ...]
-"""3 x 3, row-major."""
 ZERO_MATRIX: Matrix3 = (0.0,) * 9
-
-
-@dataclass(frozen=True, slots=True)
-class OdometrySettings:
-    """max_wheel_speed_radps: an encoder that reports more than twice this has jumped, or was reset by a homing.
-    shortest_interval_s: least time for the plausibility check. longest_gap_s: after a longer silence the way is
-    unknown. deviation_per_sqrt_m: standard deviation of a wheel's way after one metre, m.
-    """
-
-    max_wheel_speed_radps: float
-    shortest_interval_s: float
-    longest_gap_s: float
-    deviation_per_sqrt_m: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,9 +41,10 @@ class Odometry:
 class WheelOdometry:
     """Accumulates readings."""
 
-    def __init__(self, base: BaseGeometry, settings: OdometrySettings) -> None:
+    def __init__(self, base: BaseGeometry, params: OdometryParams, max_wheel_speed_radps: float) -> None:
+        """max_wheel_speed_radps: an encoder that reports more than twice this has jumped, or was reset by a homing."""
         self._base = base
-        self._settings = settings
+        self._params, self._max_wheel_speed_radps = params, max_wheel_speed_radps
         self._last: WheelReading | None = None
         self._odometry = Odometry()
 
@@ -75,13 +62,13 @@ class WheelOdometry:
 
     def _doubt(self, last: WheelReading, reading: WheelReading) -> str:
         """The reason if the motion between two readings is unknown; empty if it is known."""
-        settings = self._settings
+        params = self._params
         elapsed_s = reading.stamp_s - last.stamp_s
         if reading.generation != last.generation or elapsed_s < 0.0:
             return "the engine restarted: motion meanwhile is unknown"
-        if elapsed_s > settings.longest_gap_s:
-            return f"no encoder reading for {elapsed_s:.2f} s, at most {settings.longest_gap_s} s: motion is unknown"
-        allowed = 2.0 * settings.max_wheel_speed_radps * max(elapsed_s, settings.shortest_interval_s)
+        if elapsed_s > params.longest_gap_s:
+            return f"no encoder reading for {elapsed_s:.2f} s, at most {params.longest_gap_s} s: motion is unknown"
+        allowed = 2.0 * self._max_wheel_speed_radps * max(elapsed_s, params.shortest_interval_s)
         way = _way(last, reading)
         jumped = [
             f"{name} by {angle:.2f} rad"
@@ -110,7 +97,7 @@ class WheelOdometry:
                 [-1.0 / track, 1.0 / track],
             ]
         )
-        per_rad = self._settings.deviation_per_sqrt_m**2 * self._base.radius_m
+        per_rad = self._params.deviation_per_sqrt_m**2 * self._base.radius_m
         of_wheels = np.diag([per_rad * abs(way.left), per_rad * abs(way.right)])
         before: NDArray[np.float64] = np.array(self._odometry.covariance).reshape(3, 3)
         after = by_pose @ before @ by_pose.T + by_wheels @ of_wheels @ by_wheels.T

@@ -14,8 +14,6 @@ from robot_stack.core.config import Config
 from robot_stack.core.limits import MotionLimits
 from robot_stack.wmx.api import MAX_AXES
 from robot_stack.wmx.differential.kinematics import BaseGeometry, WheelAxes
-from robot_stack.wmx.differential.odometry import Matrix3, OdometrySettings
-from robot_stack.wmx.differential.settings import SessionSettings
 from robot_stack.wmx.session import Patience
 
 Axis = Annotated[int, Field(ge=0, lt=MAX_AXES)]
@@ -23,6 +21,8 @@ Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0, le=1e3)]
 Pause = Annotated[float, Field(gt=0.0, le=60.0)]
 Polarity = Literal[1, -1]
+Matrix3 = tuple[float, ...]
+"""3 x 3, row-major."""
 _UNSET = "no_param"
 _PLANAR, _UNMEASURED = (0, 1, 5), (2, 3, 4)  # x, y, yaw; z, roll, pitch
 _HUGE_VARIANCE = 1e6
@@ -30,7 +30,10 @@ _UNLIMITED = 1e6  # m/s2, rad/s3 and the like: any command is reached within one
 
 
 class OdometryParams(Config):
-    """See ``OdometrySettings``; twist_deviation_*: standard deviations of the measured twist."""
+    """shortest_interval_s: least time for the plausibility check. longest_gap_s: after a longer silence the way is
+    unknown. deviation_per_sqrt_m: standard deviation of a wheel's way after one metre, m. twist_deviation_*: standard
+    deviations of the measured twist.
+    """
 
     shortest_interval_s: Positive
     longest_gap_s: Positive
@@ -49,7 +52,11 @@ class LimitParams(Config):
 
 
 class SessionParams(Config):
-    """See ``SessionSettings`` and ``Patience``."""
+    """See ``Patience``. communication_retry_s, request_pause_s: between repetitions of an unfulfilled request.
+    follow_s: time after a command in which a wheel must reach velocity motion, and largest age of the status for a
+    command, both in the engine's time. standstill_radps: a slower wheel stands. command_lifetime_s: timeout after
+    which the engine itself stops wheels without a new command.
+    """
 
     retry_s: Pause
     communication_retry_s: Pause
@@ -108,6 +115,11 @@ class DiffDriveParams(Config):
             raise ValueError("odom_frame and base_frame need names with publish_pose")
         return self
 
+    @property
+    def axes(self) -> tuple[int, int]:
+        """The engine's axes of the left and the right wheel."""
+        return self.left_axis, self.right_axis
+
 
 def named(value: str) -> bool:
     """The name of a topic or file if it is set."""
@@ -136,34 +148,14 @@ def motion_limits(limits: LimitParams) -> MotionLimits | None:
     )
 
 
-def odometry_settings(params: DiffDriveParams) -> OdometrySettings:
-    return OdometrySettings(
-        max_wheel_speed_radps=params.max_wheel_speed_radps,
-        shortest_interval_s=params.odometry.shortest_interval_s,
-        longest_gap_s=params.odometry.longest_gap_s,
-        deviation_per_sqrt_m=params.odometry.deviation_per_sqrt_m,
-    )
-
-
 def patience(params: SessionParams) -> Patience:
     return Patience(params.retry_s, params.attempts, params.attempt_pause_s, params.probe_period_s)
 
 
-def session_settings(params: DiffDriveParams, config_folder: Path) -> SessionSettings:
+def parameter_file(params: DiffDriveParams, config_folder: Path) -> str:
+    """The engine's parameter XML, empty for none."""
     file = params.wmx_param_file_path
-    session = params.session
-    return SessionSettings(
-        left_axis=params.left_axis,
-        right_axis=params.right_axis,
-        acc_time_s=params.acc_time,
-        dec_time_s=params.dec_time,
-        parameter_file=str(config_folder / file) if named(file) else "",
-        communication_retry_s=session.communication_retry_s,
-        request_pause_s=session.request_pause_s,
-        follow_s=session.follow_s,
-        standstill_radps=session.standstill_radps,
-        command_lifetime_s=session.command_lifetime_s,
-    )
+    return str(config_folder / file) if named(file) else ""
 
 
 def pose_covariance(planar: Matrix3) -> list[float]:

@@ -17,7 +17,7 @@ from robot_stack.wmx.api import (
 from robot_stack.wmx.axes import Flag, StatusSnapshot
 from robot_stack.wmx.differential import requests
 from robot_stack.wmx.differential.kinematics import REST, WheelPair
-from robot_stack.wmx.differential.settings import SessionSettings
+from robot_stack.wmx.differential.params import DiffDriveParams
 from robot_stack.wmx.session import Applied, EngineSession
 from robot_stack.wmx.start_up import Machine, Missing, SessionState, Stage, StartUp
 from robot_stack.wmx.timed_velocity import start
@@ -35,16 +35,17 @@ _HELD_UP = "delayed between the engine's status and the command"
 class WheelSession:
     """Belongs to one thread. Times are steady seconds."""
 
-    def __init__(self, engine: EngineSession, settings: SessionSettings) -> None:
+    def __init__(self, engine: EngineSession, params: DiffDriveParams, parameter_file: str) -> None:
+        """parameter_file: the engine's parameter XML, empty for none."""
         self._engine = engine
-        self._settings = settings
-        self._selection = AxisSelection.of(*settings.axes)
+        self._params, self._timing = params, params.session
+        self._selection = AxisSelection.of(*params.axes)
         machine = Machine(
-            dict(zip(settings.axes, _WHEELS, strict=True)),
-            dict.fromkeys(settings.axes, AxisCommandMode.Velocity),
-            settings.communication_retry_s,
-            settings.request_pause_s,
-            settings.parameter_file,
+            dict(zip(params.axes, _WHEELS, strict=True)),
+            dict.fromkeys(params.axes, AxisCommandMode.Velocity),
+            params.session.communication_retry_s,
+            params.session.request_pause_s,
+            parameter_file,
             restarts=True,
         )
         self._start = StartUp(engine, machine, fault=self._fault, standing=self.standing)
@@ -97,7 +98,7 @@ class WheelSession:
 
     def _motion(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
         """Stops both wheels if another client stopped one: driving on with the other would turn the base."""
-        axes = self._settings.axes
+        axes = self._params.axes
         strange = [
             axis for axis in axes if snapshot.op_state[axis] not in (OperationState.Idle, OperationState.Velocity)
         ]
@@ -105,7 +106,7 @@ class WheelSession:
             self._halt(snapshot)
             return Stage.STOPPING, f"{self._names(strange)} is being stopped"
         since_s = self._driving_since_s
-        if since_s is None or 0.0 <= snapshot.engine_time_s - since_s <= self._settings.follow_s:
+        if since_s is None or 0.0 <= snapshot.engine_time_s - since_s <= self._timing.follow_s:
             return None
         idle = [axis for axis in axes if snapshot.op_state[axis] == OperationState.Idle]
         if not idle:
@@ -117,7 +118,7 @@ class WheelSession:
 
     def follow(self, speeds: WheelPair, now_s: float, ramp_s: float | None = None) -> Applied[WheelPair]:
         """Drives both wheels at speeds of their axes (rad/s), or neither. ramp_s: time to reach them, None for the
-        settings' value.
+        parameters' value.
 
         Turning wheels are commanded again well within the lifetime of their command, which keeps them turning.
         """
@@ -128,7 +129,7 @@ class WheelSession:
         if speeds == REST and self._sent is None and present == REST:
             return Applied(speeds)
         if speeds == self._sent:
-            fresh = 0.0 <= now_s - self._sent_s < _RENEWED * self._settings.command_lifetime_s
+            fresh = 0.0 <= now_s - self._sent_s < _RENEWED * self._timing.command_lifetime_s
             return Applied(speeds) if speeds == REST or fresh else self._drive(snapshot, speeds, now_s)
         self._ramps_end_s = (
             now_s + (ramp_s or self._ramp_s(present.left, speeds.left)),
@@ -143,10 +144,10 @@ class WheelSession:
 
     def _ramp_s(self, now: float, wanted: float) -> float:
         """Duration of a change of speed; through zero it falls first and then grows."""
-        settings = self._settings
+        params = self._params
         if now * wanted < 0.0:
-            return settings.dec_time_s + settings.acc_time_s
-        return settings.acc_time_s if abs(wanted) > abs(now) else settings.dec_time_s
+            return params.dec_time + params.acc_time
+        return params.acc_time if abs(wanted) > abs(now) else params.dec_time
 
     def _drive(self, seen: StatusSnapshot, speeds: WheelPair, now_s: float) -> Applied[WheelPair]:
         """Commands the wheels from the status ``seen``. After a longer pause the engine may have stopped them, and this
@@ -154,17 +155,17 @@ class WheelSession:
         """
         if speeds != REST and self._held_up(seen):
             return Applied(None, _HELD_UP)
-        settings = self._settings
+        params = self._params
         present = self._commanded(seen)
         resting, turning = [], []
         rows = zip(
-            settings.axes, (present.left, present.right), (speeds.left, speeds.right), self._ramps_end_s, strict=True
+            params.axes, (present.left, present.right), (speeds.left, speeds.right), self._ramps_end_s, strict=True
         )
         for axis, now, wanted, end_s in rows:
             remaining_s = max(end_s - now_s, _SHORTEST_RAMP_S)
             if wanted:
-                lifetime_s = settings.command_lifetime_s
-                turning.append(requests.run_at(axis, now, wanted, remaining_s, settings.dec_time_s, lifetime_s))
+                lifetime_s = self._timing.command_lifetime_s
+                turning.append(requests.run_at(axis, now, wanted, remaining_s, params.dec_time, lifetime_s))
             else:
                 resting.append(requests.rest(axis, remaining_s))
 
@@ -179,10 +180,10 @@ class WheelSession:
     def _held_up(self, seen: StatusSnapshot) -> bool:
         """True if the status is too old for a command by the engine's time, in which the wheels move."""
         now = self._engine.read()
-        return now is None or now.engine_time_s - seen.engine_time_s > self._settings.follow_s
+        return now is None or now.engine_time_s - seen.engine_time_s > self._timing.follow_s
 
     def _commanded(self, snapshot: StatusSnapshot) -> WheelPair:
-        return WheelPair(*snapshot.velocity_cmd[list(self._settings.axes)].tolist())
+        return WheelPair(*snapshot.velocity_cmd[list(self._params.axes)].tolist())
 
     def quick_stop(self) -> str:
         """Stops both wheels in the engine at once. Returns the reason of a failure, or an empty text."""
@@ -191,12 +192,12 @@ class WheelSession:
         ):
             return ""
         # If one wheel is not in velocity mode, each is stopped in its own mode.
-        stopped = [self._engine.ask(_QUICK_STOP, requests.quick_stop(axis)) for axis in self._settings.axes]
+        stopped = [self._engine.ask(_QUICK_STOP, requests.quick_stop(axis)) for axis in self._params.axes]
         return "" if all(stopped) else self._engine.refusal(_QUICK_STOP, "no engine to stop")
 
     def standing(self, snapshot: StatusSnapshot) -> bool:
         """True if both wheels stand, commanded and measured."""
-        axes, slowest = list(self._settings.axes), self._settings.standstill_radps
+        axes, slowest = list(self._params.axes), self._timing.standstill_radps
         return not snapshot.velocity_cmd[axes].any() and bool((abs(snapshot.actual_velocity[axes]) <= slowest).all())
 
     def servos_off(self) -> None:
@@ -212,8 +213,8 @@ class WheelSession:
     def _halt(self, snapshot: StatusSnapshot) -> None:
         """Requests a quick stop, unless both wheels are at rest or already in one."""
         states, details = snapshot.op_state, snapshot.flags[Flag.DETAIL_OP_STATE]
-        if any(states[axis] != OperationState.Idle and details[axis] not in _HALTING for axis in self._settings.axes):
+        if any(states[axis] != OperationState.Idle and details[axis] not in _HALTING for axis in self._params.axes):
             self.quick_stop()
 
     def _names(self, axes: list[int]) -> str:
-        return " and ".join(_WHEELS[self._settings.axes.index(axis)] for axis in axes)
+        return " and ".join(_WHEELS[self._params.axes.index(axis)] for axis in axes)

@@ -20,9 +20,8 @@ from robot_stack.wmx.differential.params import (
     base_geometry,
     motion_limits,
     named,
-    odometry_settings,
+    parameter_file,
     patience,
-    session_settings,
     wheel_axes,
 )
 from robot_stack.wmx.differential.session import WheelSession
@@ -46,13 +45,13 @@ class DiffDriveControllerNode(StackNode):
         self._command = TwistCommand(params.cmd_vel_timeout_s, self.steady_s() + _DISCOVERY_S)
         limits, most_radps = motion_limits(params.limits), params.max_wheel_speed_radps
         self._shaper = TwistShaper(self._base, most_radps, limits, 1.0 / params.rate)
-        self._odometry = WheelOdometry(self._base, odometry_settings(params))
+        self._odometry = WheelOdometry(self._base, params.odometry, most_radps)
         self._engine = EngineSession(
             lambda: connect("diff_drive_controller", client, timeout_s=0.0),
             patience(params.session),
             opener=lambda open_engine: self.device(ThreadedOpener, open_engine),
         )
-        self._session = WheelSession(self._engine, session_settings(params, config_dir()))
+        self._session = WheelSession(self._engine, params, parameter_file(params, config_dir()))
         self._outputs = DiffDriveOutputs(self, params)
         self.subscribe(topics.WMX_CMD_VEL, self._on_cmd_vel, name=params.cmd_vel_topic)
         if named(params.cmd_vel_stamped_topic):

@@ -16,8 +16,9 @@ from robot_stack.wmx.session import EngineSession, Patience
 from robot_stack.wmx.trajectory.engine_arm import EngineArm
 from robot_stack.wmx.trajectory.goal import check_goal
 from robot_stack.wmx.trajectory.goal_queue import GoalQueue
-from robot_stack.wmx.trajectory.params import TrajectoryServerParams, execution_settings, goal_limits
+from robot_stack.wmx.trajectory.params import TrajectoryServerParams, goal_limits
 from robot_stack.wmx.trajectory.results import Fault, GoalCode, GoalRefused, Outcome, Result, aborted
+from robot_stack.wmx.trajectory.settings import execution_settings
 
 _NAME = "follow_joint_trajectory_server"
 _EMERGENCY = Fault(CoreMotionErrorCode.EmergencyStopSignalOn, "emergency stop")

@@ -10,7 +10,6 @@ from __future__ import annotations
 import operator
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
 from typing import Any, Final, cast
@@ -41,14 +40,6 @@ from robot_stack.wmx.simulated.wire import decode, encode_all, integer, request_
 
 INSTALLATION_ROOTS: Final = ("", "/opt/lmx", "/opt/wmx3")
 _POLL_S: Final = 0.001
-
-
-@dataclass(frozen=True, slots=True)
-class ClientLimits:
-    """Timeouts of a client: seconds for a call, and for the age of a status."""
-
-    call_timeout_s: float
-    status_stale_s: float
 
 
 def engine_folder(path: str) -> Path:
@@ -91,9 +82,10 @@ def _asking(api: Device, request: str, call: Call) -> Callable[..., Any]:
 class Device(Member):
     """WMX3Api on the simulated engine."""
 
-    def __init__(self, limits: ClientLimits) -> None:
+    def __init__(self, call_timeout_s: float, status_stale_s: float) -> None:
+        """call_timeout_s: of a call. status_stale_s: greatest age of a status."""
         super().__init__(self, "WMX3Api", ErrorCode)
-        self._limits = limits
+        self._call_timeout_s, self._status_stale_s = call_timeout_s, status_stale_s
         self._channel: Channel | None = None
         self._status: StatusView | None = None
         self._device_id = 0
@@ -148,7 +140,7 @@ class Device(Member):
 
     def _create(self, folder: Path, device_type: int) -> int:
         try:
-            channel = Channel(folder, self._limits.call_timeout_s)
+            channel = Channel(folder, self._call_timeout_s)
         except OSError:
             return ErrorCode.IMLibIsNotRunning
         code, values = channel.call("CreateDevice", device_type)
@@ -157,7 +149,7 @@ class Device(Member):
             return code
         self._channel = channel
         self._device_id, self._epoch = values
-        self._status = StatusView(folder, self._limits.status_stale_s)
+        self._status = StatusView(folder, self._status_stale_s)
         return ErrorCode.PyNone
 
     def CloseDevice(self) -> int:

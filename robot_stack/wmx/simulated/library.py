@@ -7,13 +7,12 @@ from typing import cast
 
 from robot_stack.wmx.api import port
 from robot_stack.wmx.engine import Library
-from robot_stack.wmx.simulated.client import AdvancedMotion, ClientLimits, CoreMotion, Device, Ecat, Io
+from robot_stack.wmx.simulated.client import AdvancedMotion, CoreMotion, Device, Ecat, Io
 
 
 def simulated_library(call_timeout_s: float, status_stale_s: float) -> Library:
     """Clients of a simulated engine, each with the given timeouts."""
-    limits = ClientLimits(call_timeout_s, status_stale_s)
-    return library_of(lambda: Device(limits))
+    return library_of(lambda: Device(call_timeout_s, status_stale_s))
 
 
 def library_of(make_device: Callable[[], Device]) -> Library:

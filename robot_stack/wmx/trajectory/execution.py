@@ -154,7 +154,7 @@ class Execution:
             self._settle(state)
         elif idle and not state.complete.all() and self._had_time_to_start():
             self._stop_for(end_fault(state, self._settings.joints), state)
-        elif self._late_s > self._settings.end_timeout_s:
+        elif self._late_s > self._settings.watch.end_timeout_s:
             fault = Fault(CoreMotionErrorCode.WaitTimeout, f"still moving {self._late_s:.2f} s too late")
             self._stop(aborted(fault))
 
@@ -189,7 +189,7 @@ class Execution:
         """Handles a missing status: a goal that has not begun waits until it is due."""
         if now_s < self._start_at_s and self.phase is Phase.WAITING:
             return
-        if blind.gone or now_s - self._now.steady_s > self._settings.status_timeout_s:
+        if blind.gone or now_s - self._now.steady_s > self._settings.watch.status_timeout_s:
             if self.phase is not Phase.WAITING and not blind.gone:
                 self._arm.quick_stop()  # an engine without a status may still accept requests
             before = f"{self._stopping.ending.text}; " if self._stopping is not None else ""
@@ -234,7 +234,7 @@ class Execution:
         return bool(state.complete.all() and time_s >= self._spline.duration_s and left <= _AT_END_RAD)
 
     def _had_time_to_start(self) -> bool:
-        return self._moved or self._now.since(self._began) > self._settings.start_timeout_s
+        return self._moved or self._now.since(self._began) > self._settings.watch.start_timeout_s
 
     def _stop(self, ending: Result, *, quick: bool = False) -> None:
         self.stop(self._now.steady_s, ending, quick=quick)

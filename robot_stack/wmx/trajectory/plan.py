@@ -8,8 +8,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.wmx.trajectory.params import SplineParams
 from robot_stack.wmx.trajectory.results import GoalCode, GoalRefused
-from robot_stack.wmx.trajectory.sampling import Nearness, sample
+from robot_stack.wmx.trajectory.sampling import sample
 from robot_stack.wmx.trajectory.spline import ClampedSpline
 from robot_stack.wmx.trajectory.waypoints import (
     STANDS_RADPS,
@@ -49,7 +50,7 @@ class PlanLimits:
     max_acceleration_radps2: tuple[float, ...]
     catch_up_ratio: float
     catch_up_acceleration_radps2: float
-    near: Nearness
+    near: SplineParams
     speed_scaling: float
     continuous: tuple[int, ...]
 

@@ -7,12 +7,12 @@ squared where accelerations jump, as between cubics. Points are inserted where t
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 
+from robot_stack.wmx.trajectory.params import SplineParams
 from robot_stack.wmx.trajectory.results import GoalCode, GoalRefused
 from robot_stack.wmx.trajectory.spline import ClampedSpline
 from robot_stack.wmx.trajectory.waypoints import Waypoints, curve_of
@@ -25,20 +25,7 @@ _LAST_STEP_S = 1e-3  # the engine's cycle: the drives' time resolution
 _LOOKS = np.array([0.0, 0.25, 0.5, 0.75])  # places between two points at which the deviation is checked
 
 
-@dataclass(frozen=True, slots=True)
-class Nearness:
-    """Largest distance of the engine's spline from the curve between common points, and largest number of points.
-
-    The distance is larger where no further point can be inserted: within two cycles, and near standstill, where the
-    engine drops points that are too near each other. A jump of the acceleration by 100 rad/s^2 adds up to 0.1 mrad.
-    """
-
-    deviation_rad: float
-    deviation_radps: float
-    max_points: int
-
-
-def sample(points: Waypoints, acceptable: Acceptable, near: Nearness) -> tuple[FloatArray, FloatArray]:
+def sample(points: Waypoints, acceptable: Acceptable, near: SplineParams) -> tuple[FloatArray, FloatArray]:
     """Rows (n, joints) rad and times (n,) s whose engine spline matches the curve of ``points``. acceptable: drops
     points that the engine would drop. Raises GoalRefused.
     """
@@ -56,13 +43,13 @@ def sample(points: Waypoints, acceptable: Acceptable, near: Nearness) -> tuple[F
         times = np.sort(np.concatenate([times, times[:-1][rough] + 0.5 * h[rough]]))
 
 
-def _rough(spline: ClampedSpline, curve: PPoly, times: FloatArray, near: Nearness) -> NDArray[np.bool_]:
+def _rough(spline: ClampedSpline, curve: PPoly, times: FloatArray, near: SplineParams) -> NDArray[np.bool_]:
     """The intervals in which the spline is too far from the curve, (len(times) - 1,)."""
     between = (times[:-1, None] + np.diff(times)[:, None] * _LOOKS).ravel()
     between = between.clip(max=spline.times_s[-1])
     off_rad = np.abs(spline.positions_at(between) - curve(between)).max(axis=1)
     off_radps = np.abs(spline.velocities_at(between) - curve(between, 1)).max(axis=1)
-    rough = (off_rad > near.deviation_rad) | (off_radps > near.deviation_radps)
+    rough = (off_rad > near.max_deviation_rad) | (off_radps > near.max_deviation_radps)
     intervals: NDArray[np.bool_] = rough.reshape(-1, len(_LOOKS)).any(axis=1)
     return intervals
 
@@ -76,9 +63,9 @@ def _first_times(times: FloatArray) -> FloatArray:
     return np.append(starts + within * steps, times[-1])
 
 
-def _too_many(near: Nearness) -> GoalRefused:
+def _too_many(near: SplineParams) -> GoalRefused:
     return GoalRefused(
         GoalCode.INVALID_GOAL,
         f"points.velocities: the engine's spline would need more than {near.max_points} points to follow them within "
-        f"{near.deviation_rad:g} rad and {near.deviation_radps:g} rad/s",
+        f"{near.max_deviation_rad:g} rad and {near.max_deviation_radps:g} rad/s",
     )

@@ -1,26 +1,33 @@
-"""Timeouts of an execution."""
+"""Settings of an execution."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
+from robot_stack.wmx.trajectory.params import TrajectoryServerParams, WatchParams
 from robot_stack.wmx.trajectory.plan import PlanLimits
 
 
 @dataclass(frozen=True, slots=True)
 class ExecutionSettings:
-    """start_timeout_s: until a started motion shows. end_timeout_s: after the spline's time, until the engine is at its
-    end. status_timeout_s: without a status. standstill_radps, standstill_s: joints stand if they are slower for this
-    long. stop_timeout_s: in addition to the longest time of the spline's own stop; quick_stop_timeout_s: of the quick
-    stop that is requested then.
-    """
+    """joints: in the order of the axes."""
 
     joints: tuple[str, ...]
     plan: PlanLimits
-    start_timeout_s: float
-    end_timeout_s: float
-    status_timeout_s: float
-    standstill_radps: float
-    standstill_s: float
-    stop_timeout_s: float
-    quick_stop_timeout_s: float
+    watch: WatchParams
+
+
+def execution_settings(params: TrajectoryServerParams) -> ExecutionSettings:
+    start = params.start
+    plan = PlanLimits(
+        same_position_rad=start.same_position_rad,
+        max_start_deviation_rad=start.max_deviation_rad,
+        max_velocity_radps=start.max_velocity_radps,
+        max_acceleration_radps2=start.max_acceleration_radps2,
+        catch_up_ratio=start.catch_up_ratio,
+        catch_up_acceleration_radps2=start.catch_up_acceleration_radps2,
+        near=params.spline,
+        speed_scaling=params.speed_scaling.initial_scaling_factor,
+        continuous=tuple(params.joints.index(name) for name in params.continuous_joints),
+    )
+    return ExecutionSettings(params.joints, plan, params.watch)

@@ -54,16 +54,16 @@ class Stopping:
         if self._standing(state):
             return self._stood(now)
         self._stands_since = None
-        if not self._quick and taken_s > self._own_s + self._settings.stop_timeout_s:
+        if not self._quick and taken_s > self._own_s + self._settings.watch.stop_timeout_s:
             self.hurry(now)
-        elif self._quick and now.since(self._quick_begin) > self._settings.quick_stop_timeout_s:
+        elif self._quick and now.since(self._quick_begin) > self._settings.watch.quick_stop_timeout_s:
             return self._failed(state, taken_s)
         return None
 
     def _stood(self, now: Moment) -> Result | None:
         """Requires standstill for some time, because a joint that swings back rests only for a moment."""
         since = self._stands_since = self._stands_since or now
-        if now.since(since) < self._settings.standstill_s:
+        if now.since(since) < self._settings.watch.standstill_s:
             return None
         return replace(self.ending, text=f"{self.ending.text}; stood {1e3 * since.since(self._begin):.0f} ms later")
 
@@ -76,7 +76,7 @@ class Stopping:
         return aborted(Fault(CoreMotionErrorCode.WaitTimeout, text))
 
     def _standing(self, state: ArmState) -> bool:
-        return bool(state.idle.all() and (np.abs(state.velocity) <= self._settings.standstill_radps).all())
+        return bool(state.idle.all() and (np.abs(state.velocity) <= self._settings.watch.standstill_radps).all())
 
 
 def _text(problem: Fault | None) -> str:

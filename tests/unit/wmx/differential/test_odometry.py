@@ -11,17 +11,23 @@ from hypothesis import strategies as st
 
 from robot_stack.core.geometry import IDENTITY
 from robot_stack.wmx.differential.kinematics import BaseGeometry, WheelPair
-from robot_stack.wmx.differential.odometry import Odometry, OdometrySettings, WheelOdometry, WheelReading
+from robot_stack.wmx.differential.odometry import Odometry, WheelOdometry, WheelReading
+from robot_stack.wmx.differential.params import OdometryParams
 
 BASE = BaseGeometry(radius_m=0.1, track_m=0.5)
-SETTINGS = OdometrySettings(
-    max_wheel_speed_radps=20.0, shortest_interval_s=0.05, longest_gap_s=1.0, deviation_per_sqrt_m=0.02
+PARAMS = OdometryParams(
+    shortest_interval_s=0.05,
+    longest_gap_s=1.0,
+    deviation_per_sqrt_m=0.02,
+    twist_deviation_mps=0.01,
+    twist_deviation_radps=0.01,
 )
+MAX_RADPS = 20.0
 
 
 def driven(*ways: tuple[float, float], steps: int = 1) -> Odometry:
     """Returns the odometry after moves of (left, right) in rad, each within half a second."""
-    odometry = WheelOdometry(BASE, SETTINGS)
+    odometry = WheelOdometry(BASE, PARAMS, MAX_RADPS)
     left, right, stamp_s = 3.0, -7.0, 100.0
     result = odometry.update(WheelReading(stamp_s, WheelPair(left, right)))
     for way in ways:
@@ -82,7 +88,7 @@ BEFORE = WheelReading(100.0, WheelPair(1.0, 1.0))
     ],
 )
 def test_implausible_reading_is_rejected_with_reason(reading: WheelReading, says: str) -> None:
-    odometry = WheelOdometry(BASE, SETTINGS)
+    odometry = WheelOdometry(BASE, PARAMS, MAX_RADPS)
     odometry.update(BEFORE)
 
     after = odometry.update(reading)
@@ -92,7 +98,7 @@ def test_implausible_reading_is_rejected_with_reason(reading: WheelReading, says
 
 
 def test_odometry_continues_from_new_angles_after_jump() -> None:
-    odometry = WheelOdometry(BASE, SETTINGS)
+    odometry = WheelOdometry(BASE, PARAMS, MAX_RADPS)
     odometry.update(BEFORE)
     odometry.update(WheelReading(100.01, WheelPair(50.0, 50.0)))
     after = odometry.update(WheelReading(100.11, WheelPair(51.0, 51.0)))
@@ -102,7 +108,7 @@ def test_odometry_continues_from_new_angles_after_jump() -> None:
 
 
 def test_distance_during_nan_reading_is_counted() -> None:
-    odometry = WheelOdometry(BASE, SETTINGS)
+    odometry = WheelOdometry(BASE, PARAMS, MAX_RADPS)
     odometry.update(BEFORE)
     odometry.update(WheelReading(100.05, WheelPair(math.nan, math.nan)))
 
@@ -126,7 +132,7 @@ def test_uncertainty_of_an_arc_is_that_of_its_end() -> None:
     covariance = np.array(driven((0.0, way_rad)).covariance).reshape(3, 3)
     longer, shorter = (np.array(xyyaw(driven((0.0, way_rad + sign * step_rad)))) for sign in (1.0, -1.0))
     per_m = (longer - shorter) / (2.0 * step_rad * BASE.radius_m)
-    variance_m2 = SETTINGS.deviation_per_sqrt_m**2 * way_rad * BASE.radius_m
+    variance_m2 = PARAMS.deviation_per_sqrt_m**2 * way_rad * BASE.radius_m
 
     # The Jacobians are the chord's, not the arc's: the error grows with the square of the turn, 0.2 rad here.
     assert covariance == pytest.approx(variance_m2 * np.outer(per_m, per_m), rel=0.02)

@@ -13,8 +13,8 @@ from robot_stack.wmx.differential.params import (
     DiffDriveParams,
     motion_limits,
     named,
+    parameter_file,
     pose_covariance,
-    session_settings,
     twist_covariance,
 )
 
@@ -90,7 +90,7 @@ def test_wrong_value_is_refused_by_name(changes: dict[str, Any], says: str) -> N
     [("", ""), ("/diff_drive/no_param", ""), ("/opt/base.xml", "/opt/base.xml"), ("base.xml", "/config/base.xml")],
 )
 def test_parameter_file_is_absolute_or_in_the_configuration_folder(value: str, expected: str) -> None:
-    assert session_settings(params(wmx_param_file_path=value), Path("/config")).parameter_file == expected
+    assert parameter_file(params(wmx_param_file_path=value), Path("/config")) == expected
 
 
 def test_limits_are_off_as_documented_and_each_can_be_set_alone() -> None:

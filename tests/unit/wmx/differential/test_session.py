@@ -26,7 +26,6 @@ from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
 from robot_stack.wmx.differential.kinematics import REST, WheelPair
 from robot_stack.wmx.differential.params import DiffDriveParams, patience
 from robot_stack.wmx.differential.session import WheelSession
-from robot_stack.wmx.differential.settings import SessionSettings
 from robot_stack.wmx.session import EngineSession
 from robot_stack.wmx.start_up import Stage
 
@@ -149,19 +148,8 @@ class Story:
         self.now_s = 100.0
         session = PARAMS.session
         self.connection = EngineSession(self._open, patience(session))
-        settings = SessionSettings(
-            LEFT,
-            RIGHT,
-            0.5,
-            0.25,
-            parameter_file,
-            session.communication_retry_s,
-            session.request_pause_s,
-            session.follow_s,
-            session.standstill_radps,
-            session.command_lifetime_s,
-        )
-        self.session = WheelSession(self.connection, settings)
+        params = PARAMS.model_copy(update={"left_axis": LEFT, "right_axis": RIGHT, "acc_time": 0.5, "dec_time": 0.25})
+        self.session = WheelSession(self.connection, params, parameter_file)
 
     def _open(self) -> FakeEngine:  # type: ignore[override]
         if self.refusals:

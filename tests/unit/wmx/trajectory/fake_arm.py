@@ -6,9 +6,9 @@ import numpy as np
 
 from robot_stack.wmx.trajectory.arm import ArmState
 from robot_stack.wmx.trajectory.goal import CheckedGoal
+from robot_stack.wmx.trajectory.params import SplineParams, WatchParams
 from robot_stack.wmx.trajectory.plan import PlanLimits
 from robot_stack.wmx.trajectory.results import Fault
-from robot_stack.wmx.trajectory.sampling import Nearness
 from robot_stack.wmx.trajectory.settings import ExecutionSettings
 from robot_stack.wmx.trajectory.spline import ClampedSpline
 from robot_stack.wmx.trajectory.tolerances import Tolerances
@@ -23,20 +23,22 @@ NO_LIMITS = PlanLimits(
     max_acceleration_radps2=(0.0, 0.0),
     catch_up_ratio=1.5,
     catch_up_acceleration_radps2=1.0,
-    near=Nearness(1e-4, 0.02, 4000),
+    near=SplineParams(max_deviation_rad=1e-4, max_deviation_radps=0.02, max_points=4000),
     speed_scaling=1.0,
     continuous=(),
 )
 SETTINGS = ExecutionSettings(
     joints=JOINTS,
     plan=NO_LIMITS,
-    start_timeout_s=0.2,
-    end_timeout_s=1.0,
-    status_timeout_s=0.2,
-    standstill_radps=0.01,
-    standstill_s=0.0,
-    stop_timeout_s=0.5,
-    quick_stop_timeout_s=0.3,
+    watch=WatchParams(
+        start_timeout_s=0.2,
+        end_timeout_s=1.0,
+        status_timeout_s=0.2,
+        standstill_radps=0.01,
+        standstill_s=0.0,
+        stop_timeout_s=0.5,
+        quick_stop_timeout_s=0.3,
+    ),
 )
 
 

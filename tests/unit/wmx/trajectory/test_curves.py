@@ -11,13 +11,12 @@ from hypothesis import strategies as st
 
 from robot_stack.wmx.trajectory.plan import PlanLimits, plan_spline
 from robot_stack.wmx.trajectory.results import GoalCode, GoalRefused
-from robot_stack.wmx.trajectory.sampling import Nearness
 from robot_stack.wmx.trajectory.spline import ClampedSpline
 from robot_stack.wmx.trajectory.waypoints import STANDS_RADPS, Waypoints, curve_of
 from tests.unit.wmx.trajectory.fake_arm import JOINTS, NO_LIMITS
 
 HERE = np.array([0.5, -0.5])
-NEAR_RAD = NO_LIMITS.near.deviation_rad
+NEAR_RAD = NO_LIMITS.near.max_deviation_rad
 
 
 def through(*states: tuple[float, float, float, float], accelerations: bool = False) -> Waypoints:
@@ -87,7 +86,7 @@ def test_the_engine_follows_the_curve_of_the_goal(
     # is off by 1/64 of it times that squared. The velocity changes by the acceleration within one or two cycles.
     greatest = np.abs(curve(at, 2)).max()
     assert np.abs(spline.positions_at(at) - curve(at)).max() <= 2.0 * NEAR_RAD + 8e-3**2 / 64.0 * greatest
-    fastest_radps = NO_LIMITS.near.deviation_radps + 2e-3 * greatest
+    fastest_radps = NO_LIMITS.near.max_deviation_radps + 2e-3 * greatest
     assert np.abs(spline.velocities_at(at) - curve(at, 1)).max() <= fastest_radps
     assert np.diff(spline.times_s).min() > 1e-6
     assert np.abs(np.diff(spline.positions, axis=0)).max(axis=1).min() > 1e-6
@@ -123,7 +122,8 @@ def test_trajectory_ending_at_present_position_with_velocities_needs_no_spline()
 
 def test_trajectory_needing_too_many_spline_points_is_rejected() -> None:
     wild = through((0.5, 1.0, 80.0, 0.0), (1.0, 0.0, 0.0, 0.0))
-    text = refusal(wild, limits=replace(NO_LIMITS, near=Nearness(1e-5, 0.01, 40)))
+    few = NO_LIMITS.near.model_copy(update={"max_deviation_rad": 1e-5, "max_deviation_radps": 0.01, "max_points": 40})
+    text = refusal(wild, limits=replace(NO_LIMITS, near=few))
     assert text.startswith("points.velocities: the engine's spline would need more than 40 points")
 
 

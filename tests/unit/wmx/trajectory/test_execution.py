@@ -184,12 +184,12 @@ def test_missing_status_is_tolerated_until_timeout_then_stops_motion() -> None:
     run = Run()
     run.to(0.7)
     run.blind = SILENT
-    run.to(0.7 + SETTINGS.status_timeout_s - TICK_S)
+    run.to(0.7 + SETTINGS.watch.status_timeout_s - TICK_S)
     run.blind = None
     run.to(1.2)
     run.blind = SILENT
     assert run.to_end() == aborted(SILENT.fault)
-    assert run.now_s == pytest.approx(1.2 + SETTINGS.status_timeout_s, abs=3 * TICK_S)
+    assert run.now_s == pytest.approx(1.2 + SETTINGS.watch.status_timeout_s, abs=3 * TICK_S)
     assert run.arm.calls == ["start", "quick_stop"]
 
 
@@ -238,7 +238,7 @@ def test_a_motion_that_never_begins() -> None:
     arm.start_takes_s = 100.0
     run = Run(arm=arm)
     assert run.to_end().code == ErrorCode.NoMotion
-    assert run.now_s == pytest.approx(SETTINGS.start_timeout_s, abs=0.02)
+    assert run.now_s == pytest.approx(SETTINGS.watch.start_timeout_s, abs=0.02)
 
 
 def test_a_motion_that_does_not_end_is_stopped() -> None:
@@ -246,7 +246,7 @@ def test_a_motion_that_does_not_end_is_stopped() -> None:
     run.arm.hangs = True
     result = run.to_end()
     assert (result.outcome, result.code) == (Outcome.ABORTED, CoreMotionErrorCode.WaitTimeout)
-    assert run.now_s == pytest.approx(2.0 + SETTINGS.end_timeout_s + 0.1, abs=0.02)
+    assert run.now_s == pytest.approx(2.0 + SETTINGS.watch.end_timeout_s + 0.1, abs=0.02)
     assert run.arm.calls == ["start", "stop"]
 
 
@@ -328,7 +328,7 @@ def test_cancel_ends_when_the_axes_stand() -> None:
 
 
 def test_a_joint_that_swings_back_does_not_stand_yet() -> None:
-    run = Run(settings_=replace(SETTINGS, standstill_s=0.02))
+    run = Run(settings_=replace(SETTINGS, watch=SETTINGS.watch.model_copy(update={"standstill_s": 0.02})))
     run.to(0.7)
     run.stop(canceled("canceled"))
     run.to(0.805)
@@ -361,7 +361,7 @@ def test_a_stop_that_does_nothing_becomes_a_quick_stop() -> None:
     assert result.outcome is Outcome.CANCELED
     assert run.arm.calls == ["start", "stop", "quick_stop"]
     own_s = run.execution._spline.longest_stop_s()
-    assert run.now_s == pytest.approx(0.7 + own_s + SETTINGS.stop_timeout_s + 0.02, abs=0.02)
+    assert run.now_s == pytest.approx(0.7 + own_s + SETTINGS.watch.stop_timeout_s + 0.02, abs=0.02)
 
 
 def test_a_refused_stop_becomes_a_quick_stop_at_once() -> None:

@@ -8,7 +8,8 @@ import pytest
 
 from robot_stack.contract import actions, services
 from robot_stack.core.config import ConfigError, config_dir, load, read_yaml, validate
-from robot_stack.wmx.trajectory.params import TrajectoryServerParams, execution_settings, goal_limits
+from robot_stack.wmx.trajectory.params import TrajectoryServerParams, goal_limits
+from robot_stack.wmx.trajectory.settings import execution_settings
 
 DATA = read_yaml(config_dir() / "follow_joint_trajectory_server.yaml")
 
