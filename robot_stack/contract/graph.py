@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections import Counter
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 
 from robot_stack.contract.model import EVERY_NODE, Topic
@@ -25,6 +26,12 @@ def expected(names: Collection[str], nodes: Collection[str], exempt: Collection[
         return frozenset()
     wanted = frozenset(nodes) if EVERY_NODE in names else frozenset(names) & frozenset(nodes)
     return wanted - frozenset(exempt)
+
+
+def doubled(names: Iterable[str], exempt: Collection[str]) -> tuple[str, ...]:
+    """Names that several nodes of the graph have, sorted. exempt: of tools, of which several may run."""
+    counted = Counter(names)
+    return tuple(sorted(name for name in counted if counted[name] > 1 and name not in exempt))
 
 
 def lacking(row: Topic, seen: Endpoints, nodes: Collection[str]) -> tuple[str, ...]:

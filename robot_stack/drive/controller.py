@@ -11,6 +11,7 @@ from robot_stack.drive.arbitration import NO_COMMAND, Command
 from robot_stack.drive.kinematics import Four
 from robot_stack.drive.odometry import Encoders, Odometry, SwerveOdometry
 from robot_stack.drive.params import SwerveControllerParams
+from robot_stack.drive.permission import Action, Permission
 from robot_stack.drive.self_calibration import WheelCalibration
 from robot_stack.drive.swerve_drive import DriveOutput, SwerveDrive
 
@@ -65,16 +66,26 @@ class SwerveController:
             requested, limits, elapsed_s, self.measured_rad, standing=self.standing(), braking=braking
         )
 
-    def begin_braking(self, limits: MotionLimits, period_s: float, now_s: float) -> DriveOutput | None:
-        """The set points of a hard stop that begins between two steps; None if the robot stands or brakes already.
+    def carry_out(self, permission: Permission, now_s: float) -> DriveOutput:
+        """The next set points under ``permission``."""
+        if permission.action is Action.HALT:
+            return self.halt(now_s)
+        braking = permission.action is Action.BRAKE
+        return self.step(permission.requested, permission.limits, now_s, braking=braking)
+
+    def begin_braking(self, permission: Permission, period_s: float, now_s: float) -> DriveOutput | None:
+        """The set points of a hard stop that begins between two steps; None if none is due, or the robot stands or
+        brakes already.
 
         Set points are reached one ``period_s`` after their command, so this one lies that far ahead. The next
         ``step`` continues from here.
         """
-        if not self._drive.may_brake:
+        if permission.action is not Action.BRAKE or not self._drive.may_brake:
             return None
         self._stepped_s = now_s
-        return self._drive.step(NO_COMMAND, limits, period_s, self.measured_rad, standing=False, braking=True)
+        return self._drive.step(
+            NO_COMMAND, permission.limits, period_s, self.measured_rad, standing=False, braking=True
+        )
 
     def figures(self, output: DriveOutput) -> dict[str, str]:
         """For diagnostics, after the step that brought ``output``."""

@@ -70,6 +70,11 @@ def choose(situation: Situation) -> Display:
     return _WITH_PASSENGER.get(state, state) if situation.passenger else state
 
 
+def after_mission_manager(asked: int | None) -> int | None:
+    """The request that stays once the mission manager has ended: a display that is switched off stays off."""
+    return asked if asked == Display.OFF else None
+
+
 def _guess(situation: Situation) -> Display:
     docking = _OF_DOCKING.get(situation.docking)
     if docking is not None:

@@ -41,6 +41,14 @@ class GoalEnd:
     text: str
     code: GoalCode = GoalCode.NONE
 
+    @property
+    def succeeded(self) -> bool:
+        return self.outcome is Outcome.SUCCEEDED
+
+    @property
+    def aborted(self) -> bool:
+        return self.outcome is Outcome.ABORTED
+
 
 @dataclass(frozen=True, slots=True)
 class Refusal:

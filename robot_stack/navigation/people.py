@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,6 +44,11 @@ class Person:
         """Predicted position; the last one unless walking."""
         ahead_s = time_s - self.stamp_s if self.walks else 0.0
         return self.x + ahead_s * self.vx, self.y + ahead_s * self.vy
+
+
+def confirmed(people: Iterable[Person], sightings: int) -> list[Person]:
+    """Those seen in at least ``sightings`` costmaps."""
+    return [person for person in people if person.sightings >= sightings]
 
 
 class PeopleTracker:

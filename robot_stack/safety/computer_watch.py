@@ -74,6 +74,11 @@ class LinkWatch:
         """A heartbeat from the other end of the link."""
         self._at_s = now_s
 
+    def status(self, linked: bool, now_s: float) -> None:
+        """A status of the process: a link that is not up is silent."""
+        if linked:
+            self.alive(now_s)
+
     def silent_s(self, now_s: float) -> float | None:
         """Seconds of silence; None while the link is not monitored."""
         return age_s(now_s, self._at_s) if self._expected and self._at_s is not None else None

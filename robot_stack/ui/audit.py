@@ -6,6 +6,8 @@ import json
 from dataclasses import dataclass
 from typing import Any
 
+from robot_stack.contract.states import ENDED
+
 _LENGTH_MAX = 200
 
 
@@ -17,6 +19,11 @@ class Entry:
     who: str
     what: str
     outcome: str
+
+
+def ends_ride(before: str, state: str) -> bool:
+    """True if the mission state ``state`` after ``before`` is an end to record. before: empty while unknown."""
+    return bool(before) and state != before and state in ENDED
 
 
 def line(entry: Entry) -> str:

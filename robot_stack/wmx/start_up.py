@@ -43,6 +43,15 @@ class SessionState:
     text: str
     snapshot: StatusSnapshot | None = None
 
+    @property
+    def ready(self) -> bool:
+        return self.stage is Stage.READY
+
+    @property
+    def stopped(self) -> bool:
+        """An emergency stop is in force, which is no failure of the session."""
+        return self.stage is Stage.STOPPED
+
 
 @dataclass(frozen=True, slots=True)
 class Machine:

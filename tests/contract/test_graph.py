@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from robot_stack.contract import topics
-from robot_stack.contract.graph import Endpoints, lacking, strangers
+from robot_stack.contract.graph import Endpoints, doubled, lacking, strangers
 from robot_stack.contract.model import EVERY_NODE
 
 NODES = ("swerve_controller", "navigation_controller", "ndt_localization")
@@ -51,6 +51,10 @@ def test_endpoints_that_the_row_does_not_give() -> None:
     found = seen(("swerve_controller", "intruder"), ("navigation_controller", "swerve_controller", "rviz"))
     assert strangers(topics.ODOM, seen((), ("recorder",)), (*NODES, "recorder")) == ()
     assert strangers(topics.ODOM, found, NODES) == ("published by intruder", "subscribed to by swerve_controller")
+
+
+def test_two_nodes_of_a_name_are_found_unless_they_are_tools() -> None:
+    assert doubled(["rviz", "b", "a", "rviz", "b", "a", "c"], ("rviz",)) == ("a", "b")
 
 
 def test_optional_endpoints_belong_to_publishers_or_subscribers_of_row() -> None:

@@ -16,7 +16,7 @@ from robot_stack.drive.controller import SwerveController
 from robot_stack.drive.joint_states import BadJointStates, encoders
 from robot_stack.drive.nodes.conversions import odom_to_base_link, odometry_message, speed_limit, wheel_commands
 from robot_stack.drive.params import SwerveControllerParams
-from robot_stack.drive.permission import Action, Permission, Situation, permit
+from robot_stack.drive.permission import Permission, Situation, permit
 from robot_stack.drive.swerve_drive import DriveOutput
 from robot_stack.middleware.conversions import time_to_s, twist_from_msg, twist_stamped
 from robot_stack.middleware.node import StackNode, run
@@ -89,11 +89,9 @@ class SwerveControllerNode(StackNode):
     def _on_limit(self, _: VelocityLimit) -> None:
         """A hard stop does not wait for the tick: at 1.0 m/s that would be up to 0.05 m."""
         now_s = self.steady_s()
-        permission = self._permission(now_s)
-        if permission.action is Action.BRAKE:
-            output = self._controller.begin_braking(permission.limits, _PERIOD_S, now_s)
-            if output is not None:
-                self._publish_commands(output)
+        output = self._controller.begin_braking(self._permission(now_s), _PERIOD_S, now_s)
+        if output is not None:
+            self._publish_commands(output)
 
     def safe_output(self) -> None:
         self._publish_commands(self._controller.halt(self.steady_s()))
@@ -101,11 +99,7 @@ class SwerveControllerNode(StackNode):
     def _tick(self) -> None:
         now_s = self.steady_s()
         permission = self._permission(now_s)
-        if permission.action is Action.HALT:
-            output = self._controller.halt(now_s)
-        else:
-            braking = permission.action is Action.BRAKE
-            output = self._controller.step(permission.requested, permission.limits, now_s, braking=braking)
+        output = self._controller.carry_out(permission, now_s)
         self._publish_commands(output)
         self._report_state(permission, output)
 

@@ -17,7 +17,7 @@ from robot_stack.wmx import connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import load_client_config
 from robot_stack.wmx.device_opener import ThreadedOpener
-from robot_stack.wmx.start_up import SessionState, Stage
+from robot_stack.wmx.start_up import SessionState
 
 _COMMAND_STALE_S = topics.WHEEL_COMMANDS.stale_limit_s
 
@@ -102,8 +102,8 @@ class SwerveHardwareInterfaceNode(StackNode):
         return self.age_s(snapshot.age_s(round(1e9 * self.monotonic_s())))
 
     def _report_state(self, state: SessionState) -> None:
-        if state.stage is not Stage.READY:
-            self.set_health(state.stage is Stage.STOPPED, state.text)
+        if not state.ready:
+            self.set_health(state.stopped, state.text)
         elif not self._commanded():
             self.set_health(False, f"no usable {topics.WHEEL_COMMANDS.name} for {_COMMAND_STALE_S} s")
         else:

@@ -6,8 +6,7 @@ from custom_msgs.msg import EHMIState, EHMIStatus
 from robot_stack.contract import topics
 from robot_stack.contract.display import Display
 from robot_stack.core.runtime import runtime_dir
-from robot_stack.ehmi import codec
-from robot_stack.ehmi.choice import Safety, Situation, choose
+from robot_stack.ehmi.choice import Safety, Situation, after_mission_manager, choose
 from robot_stack.ehmi.link import LinkStatus, Shown
 from robot_stack.ehmi.nodes.serial_port import SerialPort
 from robot_stack.ehmi.params import EhmiParams
@@ -39,10 +38,10 @@ class EhmiBridgeNode(StackNode):
     # --- inputs ------------------------------------------------------------------------------------------------------
 
     def _on_command(self, message: EHMIState) -> None:
-        known = message.state_num in codec.STATES
-        if not known or message.language not in codec.LANGUAGES or message.volume > codec.HIGHEST_VOLUME:
-            what = f"state {message.state_num}, language {message.language!r}, volume {message.volume}"
-            self.get_logger().error(f"/ehmi/state_command refused: {what}", throttle_duration_sec=1.0)
+        try:
+            Shown(message.state_num, message.language, message.volume).commands()
+        except ValueError as error:
+            self.get_logger().error(f"/ehmi/state_command refused: {error}", throttle_duration_sec=1.0)
             return
         self._asked, self._language, self._volume = message.state_num, message.language, message.volume
         self._show()
@@ -60,8 +59,8 @@ class EhmiBridgeNode(StackNode):
     def _watch_mission_manager(self) -> None:
         """Drops the request of a mission manager that has ended."""
         before, self._mission_managers = self._mission_managers, self.count_publishers(topics.MISSION_STATUS.name)
-        if before and not self._mission_managers and self._asked != Display.OFF:
-            self._asked = None
+        if before and not self._mission_managers:
+            self._asked = after_mission_manager(self._asked)
 
     # --- outputs -----------------------------------------------------------------------------------------------------
 

@@ -26,7 +26,7 @@ from robot_stack.middleware.port import ActionGoal
 from robot_stack.middleware.wheelchair import WheelchairInput
 from robot_stack.navigation.background_planner import BackgroundPlanner
 from robot_stack.navigation.controller import NavigationController, Output, Situation
-from robot_stack.navigation.goal import GoalEnd, Outcome
+from robot_stack.navigation.goal import GoalEnd
 from robot_stack.navigation.nodes.messages import costmap_cells, goal_request
 from robot_stack.navigation.nodes.navigation_goals import NavigationGoals
 from robot_stack.navigation.nodes.outputs import NavigationOutputs
@@ -122,7 +122,7 @@ class NavigationControllerNode(StackNode):
         if end is None:
             return
         log = self.get_logger()
-        log.error(end.text) if end.outcome is Outcome.ABORTED else log.info(end.text)
+        log.error(end.text) if end.aborted else log.info(end.text)
         self._goals.end(end)
 
     def _on_costmap(self, message: OccupancyGrid) -> None:

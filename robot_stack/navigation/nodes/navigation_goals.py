@@ -55,7 +55,7 @@ class NavigationGoals:
         goal, self._goal = self._goal, None
         if goal is None:
             return
-        if end.outcome is Outcome.SUCCEEDED:
+        if end.succeeded:
             goal.succeed(_result(end))
         elif goal.is_cancel_requested:
             goal.cancel(_result(end))
@@ -80,5 +80,5 @@ class NavigationGoals:
 
 def _result(end: GoalEnd) -> NavigateToPose.Result:
     """error_msg: empty on success."""
-    text = "" if end.outcome is Outcome.SUCCEEDED else end.text
+    text = "" if end.succeeded else end.text
     return NavigateToPose.Result(error_code=int(end.code), error_msg=text)

@@ -11,7 +11,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from robot_stack.contract import frames
-from robot_stack.navigation.people import Person
+from robot_stack.navigation.people import Person, confirmed
 
 WALKING, PERSON, OBJECT, VELOCITY = "walking", "person", "object", "velocity"
 AHEAD_S = 1.0
@@ -29,7 +29,7 @@ def kind_of(person: Person) -> str:
 def people_markers(people: Iterable[Person], stamp: Time, stamp_s: float, sightings: int) -> MarkerArray:
     """At stamp_s, in odom. sightings: people seen in fewer costmaps are left out."""
     markers = []
-    for number, person in enumerate(item for item in people if item.sightings >= sightings):
+    for number, person in enumerate(confirmed(people, sightings)):
         markers.append(_cylinder(person, number, stamp, stamp_s))
         if person.walks:
             markers.append(_arrow(person, number, stamp, stamp_s))

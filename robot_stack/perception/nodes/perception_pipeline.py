@@ -73,7 +73,8 @@ class PerceptionPipelineNode(StackNode):
         """Its obstacles are published with the next half sweep. Missing data is detected by the safety monitor."""
         stamp_s = time_to_s(message.header.stamp)
         points, problem = self._look(message, frames.OVERHEAD_LIDAR, self._overhead_watch)
-        if points is not None:
+        problem = problem or self._pipeline.motion.problem(stamp_s)
+        if points is not None and not problem:
             self._pipeline.overhead(points, stamp_s)
         self.report.values["overhead LiDAR"] = problem or "seen"
 
@@ -89,9 +90,6 @@ class PerceptionPipelineNode(StackNode):
         problem = watch.stamp_problem(stamp_s, self.now_s())
         if not problem and watch.frozen(points):
             problem = "frozen: equal to earlier points"
-        if not problem and sensor == frames.LIDAR:
-            problem = watch.blind(points, stamp_s, self._excused if self._pipeline.chair else None)
-        problem = problem or self._pipeline.motion.problem(stamp_s)
         return (None, problem) if problem else (points, "")
 
     # --- work --------------------------------------------------------------------------------------------------------
@@ -100,7 +98,10 @@ class PerceptionPipelineNode(StackNode):
         self._outputs.hold_back()
         stamp_s = time_to_s(message.header.stamp)
         points, problem = self._look(message, frames.LIDAR, self._watch)
-        if points is None:
+        if points is not None:
+            problem = self._watch.blind(points, stamp_s, self._excused if self._pipeline.chair else None)
+        problem = problem or self._pipeline.motion.problem(stamp_s)
+        if points is None or problem:
             self.set_health(False, f"{'full' if full else 'half'} sweep: {problem}")
             return
         scene = self._pipeline.scene(points, stamp_s, self._watch.obstructed)

@@ -26,12 +26,12 @@ class ImageRecording:
         self._node = node
         self._write = write
         self._rows = rows
-        self._mode = params.images
+        self._params = params
         self._thinning = Thinning(params.image_rate_hz)
         self._docking = DockingWatch(params.image_tail_s)
         self._subscriptions: list[Subscription] = []
         self._closed = False
-        if self._mode == "docking":
+        if params.images == "docking":
             node.listen(topics.DOCKING_STATUS, self._on_status, raw=False, wakes=True)
             node.every(2.0, self._update)  # detects a silent controller
         self._update()
@@ -41,8 +41,8 @@ class ImageRecording:
         self._update()
 
     def _update(self) -> None:
-        docking = self._mode == "docking" and self._docking.active(self._node.steady_s())
-        wanted = (docking or self._mode == "always") and not self._closed
+        docking = self._params.images == "docking" and self._docking.active(self._node.steady_s())
+        wanted = (docking or self._params.images == "always") and not self._closed
         if wanted and not self._subscriptions:
             self._subscriptions = [self._node.listen(row, partial(self._on_image, row.name)) for row in self._rows]
         elif not wanted and self._subscriptions:

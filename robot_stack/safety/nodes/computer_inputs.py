@@ -34,8 +34,7 @@ class ComputerInputs:
         self._observation().computer.temperature(message.temperature, self._temperature.received_s)
 
     def _on_ehmi(self, message: EHMIStatus) -> None:
-        if message.linked:
-            self._observation().ehmi.alive(self._ehmi.received_s)
+        self._observation().ehmi.status(message.linked, self._ehmi.received_s)
 
     def _on_ui(self, _: Header) -> None:
         self._observation().ui.alive(self._ui.received_s)

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Sequence
 
 from robot_stack.contract import topics
-from robot_stack.contract.graph import Endpoints
+from robot_stack.contract.graph import Endpoints, doubled
 from robot_stack.contract.model import Topic
 from robot_stack.middleware.node import StackNode
 
@@ -30,9 +29,7 @@ class GraphReader:
             self.endpoints[name] = Endpoints(
                 frozenset(self._port.publisher_nodes(name)), frozenset(self._port.subscriber_nodes(name))
             )
-        counted = Counter(self._port.node_names())
-        # Tools start and end; two of the same kind are no conflict.
-        doubles = tuple(sorted(name for name in counted if counted[name] > 1 and name not in topics.OUTSIDE))
+        doubles = doubled(self._port.node_names(), topics.OUTSIDE)
         self.version += bool(changed) or doubles != self.doubles
         self.doubles = doubles
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from robot_stack.contract.states import ENDED
 from robot_stack.ui import protocol as p
 from robot_stack.ui import view
+from robot_stack.ui.audit import ends_ride
 from robot_stack.ui.nodes.audit_file import AuditFile
 from robot_stack.ui.nodes.hub import Hub
 from robot_stack.ui.nodes.inputs import RobotInputs
@@ -75,7 +75,7 @@ class Pages:
         """Records in the history how rides ended."""
         ride = self._inputs.ride()
         state = ride.state if ride else ""
-        if ride and state != self._ride_state and state in ENDED and self._ride_state:
+        if ride and ends_ride(self._ride_state, state):
             self._history.add("robot", f"mission {ride.mission_id}: {state}", ride.reason)
         self._ride_state = state
 

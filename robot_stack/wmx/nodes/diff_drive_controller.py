@@ -28,7 +28,7 @@ from robot_stack.wmx.differential.session import WheelSession
 from robot_stack.wmx.differential.shaping import TwistShaper
 from robot_stack.wmx.nodes.diff_drive_outputs import DiffDriveOutputs
 from robot_stack.wmx.session import EngineSession
-from robot_stack.wmx.start_up import Stage
+from robot_stack.wmx.start_up import SessionState
 
 # Discovery time of a sender that started earlier (config/fastdds.xml).
 _DISCOVERY_S = 2.5
@@ -94,7 +94,7 @@ class DiffDriveControllerNode(StackNode):
             self._command.demand_rest(self.steady_s())
         if state.snapshot is not None:
             self._report_motion(state.snapshot)
-        self._report(state.stage, state.text, requested)
+        self._report(state, requested)
 
     def _drive(self, requested: Command, snapshot: StatusSnapshot) -> None:
         now_s = self.steady_s()
@@ -120,12 +120,12 @@ class DiffDriveControllerNode(StackNode):
             self.log_throttled(odometry.fault)
         return odometry
 
-    def _report(self, stage: Stage, text: str, requested: Command) -> None:
-        self.report.values = {"engine": stage.value}
-        if stage is Stage.READY:
-            self.set_health(not requested.blocked, requested.text or text)
+    def _report(self, state: SessionState, requested: Command) -> None:
+        self.report.values = {"engine": state.stage.value}
+        if state.ready:
+            self.set_health(not requested.blocked, requested.text or state.text)
         else:
-            self.set_health(stage is Stage.STOPPED, text)
+            self.set_health(state.stopped, state.text)
 
     # --- end ---------------------------------------------------------------------------------------------------------
 

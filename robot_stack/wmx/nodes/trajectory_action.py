@@ -25,13 +25,9 @@ class Job:
 
     def end(self, result: Result) -> None:
         self._ended(self)
-        message = result_to_msg(result)
-        if result.outcome is Outcome.SUCCEEDED:
-            self.goal.succeed(message)
-        elif result.outcome is Outcome.CANCELED:
-            self.goal.cancel(message)
-        else:
-            self.goal.abort(message)
+        goal = self.goal
+        send = {Outcome.SUCCEEDED: goal.succeed, Outcome.CANCELED: goal.cancel, Outcome.ABORTED: goal.abort}
+        send[result.outcome](result_to_msg(result))
 
 
 class TrajectoryAction:

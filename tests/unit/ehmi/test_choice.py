@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from robot_stack.contract.display import Display
-from robot_stack.ehmi.choice import Safety, Situation, choose
+from robot_stack.ehmi.choice import Safety, Situation, after_mission_manager, choose
 
 CALM = Situation(emergency=False, safety=Safety.FRESH, asked=None, passenger=False)
 
@@ -35,6 +35,11 @@ def test_display_with_passenger_replaces_states_of_empty_robot(asked):
     other = {Display.IDLE: Display.PASSENGER_ONBOARD, Display.NAVIGATING: Display.TRANSPORT,
              Display.APPROACHING_CHAIR: Display.TRANSPORT}  # fmt: skip
     assert choose(replace(CALM, asked=asked, passenger=True)) is other.get(asked, asked)
+
+
+@pytest.mark.parametrize("asked", [None, *Display])
+def test_only_a_display_that_is_off_outlives_its_mission_manager(asked):
+    assert after_mission_manager(asked) == (Display.OFF if asked == Display.OFF else None)
 
 
 @pytest.mark.parametrize(

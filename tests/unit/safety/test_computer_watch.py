@@ -92,6 +92,13 @@ def test_a_link_that_is_not_required_is_missed_only_after_it_has_been_up() -> No
     assert link.silent_s(103.0) == 2.0
 
 
+def test_a_status_without_a_link_is_silence() -> None:
+    link = LinkWatch(expected=True)
+    link.status(True, 1.0)
+    link.status(False, 3.0)
+    assert link.silent_s(4.0) == 3.0
+
+
 def test_processes_outside_the_profile_are_not_missed() -> None:
     link = LinkWatch(expected=False)
     link.process_heard(1.0)
