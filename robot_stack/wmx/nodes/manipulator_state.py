@@ -15,7 +15,7 @@ from robot_stack.wmx.manipulator.joints import read
 from robot_stack.wmx.manipulator.params import ManipulatorStateParams
 from robot_stack.wmx.nodes.feedback_thread import FeedbackThread
 from robot_stack.wmx.nodes.joint_outputs import JointOutputs
-from robot_stack.wmx.start_up import SessionState, Stage
+from robot_stack.wmx.start_up import SessionState
 
 _REPORT_HZ = 10.0
 _COMPLAIN_S = 5.0
@@ -79,7 +79,7 @@ class ManipulatorStateNode(StackNode):
         while changes:
             self._set_health(changes.popleft())
         state = self._bring_up.state
-        if state.stage is Stage.READY and feedback.snapshot is None:
+        if state.ready and feedback.snapshot is None:
             self.set_health(False, f"nothing published: {feedback.reason or 'no status yet'}")
         else:
             self._set_health(state)
@@ -96,7 +96,7 @@ class ManipulatorStateNode(StackNode):
         }
 
     def _set_health(self, state: SessionState) -> None:
-        self.set_health(state.stage is Stage.READY, state.text)
+        self.set_health(state.ready, state.text)
 
     # --- end ---------------------------------------------------------------------------------------------------------
 
