@@ -42,8 +42,9 @@ BASE, DOCK = Pose2(1.0, 1.0, 0.5 * math.pi), Estimate(Pose2(1.0, 3.0, 0.5 * math
 
 @pytest.mark.parametrize("state", list(DockingState))
 def test_only_while_the_robot_moves_into_the_dock(state: DockingState) -> None:
-    node = FakeNode()
-    outputs = DockingOutputs(node, load(DockingParams, "docking_controller"))  # type: ignore[arg-type]
+    node: Any = FakeNode()
+    navigation: Any = None  # no goal is sent here
+    outputs = DockingOutputs(node, load(DockingParams, "docking_controller"), navigation)
     outputs.target(state, DOCK, BASE)
     outputs.target(state, None, BASE)
     outputs.target(state, DOCK, None)
