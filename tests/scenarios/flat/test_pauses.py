@@ -46,15 +46,21 @@ def pause(name: str, pid: int) -> None:
         os.kill(pid, signal.SIGCONT)
 
 
+def wait_a_moment(stack: StackUnderTest) -> None:
+    """Waits for the world's time to pass, in which every process takes the messages sent before."""
+    count = len(stack.truth.items)
+    stack.truth.wait(lambda _: len(stack.truth.items) > count + 20, "a moment of the ride")
+
+
 def test_each_process_is_paused_in_turn_and_the_goal_is_reached(stack: StackUnderTest) -> None:
     start = len(stack.safety.items)
+    wait_a_moment(stack)  # the mission manager refuses a start until it has the state NORMAL that this test has seen
     with busy_loop():
         for process in ask("status")["processes"]:
             if stack.mission.last is None or stack.mission.last.state != "RUNNING":
                 stack.command("START_MISSION", "short_hop")
                 stack.mission.wait(lambda message: message.state == "RUNNING", "the mission runs")
             pause(process["name"], int(process["pid"]))
-            count = len(stack.truth.items)
-            stack.truth.wait(lambda _, begun=count: len(stack.truth.items) > begun + 20, "a moment of the ride")
+            wait_a_moment(stack)
         stack.mission.wait(lambda message: message.state == "COMPLETED", "the goal", 300.0)
     assert {item.safety_state for item in stack.safety.messages[start:]}.isdisjoint({"EMERGENCY_STOP"})
