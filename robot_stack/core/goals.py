@@ -1,13 +1,13 @@
-"""Goals on the side of an action's client: how they end, and a kernel's goals of navigate_to_pose.
+"""Goals of actions: how they end, and a client's goals of navigate_to_pose.
 
-Arrival is not decided here: a client compares the robot's pose with its goal. A goal that ends before is sent again.
+Arrival is not decided here: the client compares the robot's pose with its goal. A goal that ends before is sent again.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import Enum, auto
+from enum import Enum
 
 from robot_stack.core.geometry import Pose2
 
@@ -15,13 +15,16 @@ NAVIGATION = "navigation_controller"
 
 
 class GoalStatus(Enum):
-    """How a goal ended. UNKNOWN: the server does not have it: it restarted, is gone, or did not receive it."""
+    """How a goal ended.
 
-    UNKNOWN = auto()
-    REJECTED = auto()
-    SUCCEEDED = auto()
-    ABORTED = auto()
-    CANCELED = auto()
+    Only for clients: REJECTED; UNKNOWN, if the server does not have it: it restarted, is gone, or did not receive it.
+    """
+
+    UNKNOWN = "unknown"
+    REJECTED = "rejected"
+    SUCCEEDED = "succeeded"
+    ABORTED = "aborted"
+    CANCELED = "canceled"
 
 
 @dataclass(frozen=True, slots=True)

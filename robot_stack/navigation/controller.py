@@ -16,11 +16,12 @@ import numpy as np
 
 from robot_stack.core.departure import SETTING_OUT, Departure
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
+from robot_stack.core.goals import GoalStatus
 from robot_stack.core.limits import NO_LIMIT, MotionLimits, SpeedLimit
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.core.site_map import Grid
 from robot_stack.navigation.follower import RouteFollower
-from robot_stack.navigation.goal import GoalCode, GoalEnd, GoalRequest, Outcome, Refusal, refusal, too_far
+from robot_stack.navigation.goal import GoalCode, GoalEnd, GoalRequest, Refusal, refusal, too_far
 from robot_stack.navigation.limits import PlanningLimits, planning_limits
 from robot_stack.navigation.line_of_sight import allowed_speed, is_direct
 from robot_stack.navigation.motion import MotionState, Trajectory, moving
@@ -80,7 +81,7 @@ class Output:
 
     @property
     def reached(self) -> bool:
-        return self.end is not None and self.end.outcome is Outcome.SUCCEEDED
+        return self.end is not None and self.end.succeeded
 
     def figures(self) -> dict[str, str]:
         """For diagnostics."""
@@ -210,7 +211,7 @@ class NavigationController:
 
     def cancel(self) -> None:
         """Withdraws the goal: a moving robot comes to rest within the limits of an ordinary ride."""
-        self._withdraw(GoalEnd(Outcome.CANCELED, "goal cancelled"))
+        self._withdraw(GoalEnd(GoalStatus.CANCELED, "goal cancelled"))
 
     def stop(self) -> None:
         """Ends the motion and drops the goal: the release of an emergency stop starts no motion (ISO 13850)."""
@@ -218,7 +219,7 @@ class NavigationController:
             self._follower.forget()
             text = "emergency stop: the goal is dropped"
             if self._goal is not None:
-                self._end = GoalEnd(Outcome.ABORTED, text, GoalCode.STOPPED)
+                self._end = GoalEnd(GoalStatus.ABORTED, text, GoalCode.STOPPED)
             self._finish(Trigger.EMERGENCY_STOP, text)
 
     def tick(self, situation: Situation) -> Output:
@@ -324,7 +325,7 @@ class NavigationController:
         if near and turned:
             if self._standing(located.twist):
                 text = f"goal reached, {1e3 * error.distance_m():.0f} mm off"
-                self._end = GoalEnd(Outcome.SUCCEEDED, text)
+                self._end = GoalEnd(GoalStatus.SUCCEEDED, text)
                 self._finish(Trigger.REACHED, "goal reached")
                 return Output(ZERO_TWIST, self._state, self._text, error=error)
             return Output(ZERO_TWIST, self._state, "stopping at the goal", self._goal, error)
@@ -382,7 +383,7 @@ class NavigationController:
         if step.unreachable:
             return self._refuse(step.text, located)
         if step.gave_up:
-            self._end = GoalEnd(Outcome.ABORTED, step.text, GoalCode.PATIENCE_EXCEEDED)
+            self._end = GoalEnd(GoalStatus.ABORTED, step.text, GoalCode.PATIENCE_EXCEEDED)
             self._finish(Trigger.GAVE_UP, step.text)
             return self._idle()
         self._text = step.text
@@ -499,7 +500,7 @@ class NavigationController:
             self._begin(now, same_way=True)
 
     def _abort(self, problem: Refusal) -> None:
-        self._withdraw(GoalEnd(Outcome.ABORTED, f"goal refused: {problem.text}", problem.code))
+        self._withdraw(GoalEnd(GoalStatus.ABORTED, f"goal refused: {problem.text}", problem.code))
 
     def _withdraw(self, end: GoalEnd) -> None:
         self._end = end

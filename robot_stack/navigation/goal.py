@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from enum import Enum, IntEnum, auto
+from enum import IntEnum
 
 from robot_stack.core.geometry import Pose2, yaw_from_quaternion
+from robot_stack.core.goals import GoalStatus
 from robot_stack.navigation.params import GoalParams
 
 _QUATERNION_TOLERANCE = 0.01  # of the squared norm: larger than any rounding
@@ -27,27 +28,21 @@ class GoalCode(IntEnum):
     NO_VALID_PATH = 208  # ComputePathToPose: the map leaves no path
 
 
-class Outcome(Enum):
-    SUCCEEDED = auto()
-    ABORTED = auto()
-    CANCELED = auto()
-
-
 @dataclass(frozen=True, slots=True)
 class GoalEnd:
     """How a goal ended. code: of an aborted goal. text: for people."""
 
-    outcome: Outcome
+    outcome: GoalStatus
     text: str
     code: GoalCode = GoalCode.NONE
 
     @property
     def succeeded(self) -> bool:
-        return self.outcome is Outcome.SUCCEEDED
+        return self.outcome is GoalStatus.SUCCEEDED
 
     @property
     def aborted(self) -> bool:
-        return self.outcome is Outcome.ABORTED
+        return self.outcome is GoalStatus.ABORTED
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,12 +9,13 @@ from geometry_msgs.msg import PoseStamped
 from nav2_msgs.action import NavigateToPose
 from robot_stack.contract import actions
 from robot_stack.core.geometry import Twist2
+from robot_stack.core.goals import GoalStatus
 from robot_stack.middleware.conversions import duration_from_s
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.port import ActionGoal
-from robot_stack.navigation.goal import GoalCode, GoalEnd, Outcome
+from robot_stack.navigation.goal import GoalCode, GoalEnd
 
-_PREEMPTED = GoalEnd(Outcome.ABORTED, "preempted by a newer goal")
+_PREEMPTED = GoalEnd(GoalStatus.ABORTED, "preempted by a newer goal")
 # Below these the time is not estimated, as in Nav2.
 _SLOWEST_MPS, _NEAREST_M = 0.01, 0.1
 
@@ -41,7 +42,7 @@ class NavigationGoals:
     def _on_goal(self, goal: ActionGoal) -> None:
         """A goal that asks for a behaviour tree is aborted, as in Nav2 one whose file does not exist."""
         if goal.request.behavior_tree:
-            goal.abort(_result(GoalEnd(Outcome.ABORTED, "behavior_tree must be empty", GoalCode.INVALID)))
+            goal.abort(_result(GoalEnd(GoalStatus.ABORTED, "behavior_tree must be empty", GoalCode.INVALID)))
         else:
             self._accept(goal.request.pose, goal)
 

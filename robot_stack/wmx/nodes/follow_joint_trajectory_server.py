@@ -5,6 +5,7 @@ from __future__ import annotations
 from std_srvs.srv import SetBool
 
 from robot_stack.contract import services
+from robot_stack.core.goals import GoalStatus
 from robot_stack.middleware.node import StackNode, run
 from robot_stack.wmx import connect
 from robot_stack.wmx.api import CoreMotionErrorCode
@@ -17,7 +18,7 @@ from robot_stack.wmx.trajectory.engine_arm import EngineArm
 from robot_stack.wmx.trajectory.goal import check_goal
 from robot_stack.wmx.trajectory.goal_queue import GoalQueue
 from robot_stack.wmx.trajectory.params import TrajectoryServerParams, goal_limits
-from robot_stack.wmx.trajectory.results import Fault, GoalCode, GoalRefused, Outcome, Result, aborted
+from robot_stack.wmx.trajectory.results import Fault, GoalCode, GoalRefused, Result, aborted
 from robot_stack.wmx.trajectory.settings import execution_settings
 
 _NAME = "follow_joint_trajectory_server"
@@ -66,7 +67,7 @@ class FollowJointTrajectoryServerNode(StackNode):
 
     def _end(self, job: Job, result: Result) -> None:
         text = f"trajectory {result.outcome.value}: error code {result.code} {result.text}".rstrip()
-        self.get_logger().warning(text) if result.outcome is Outcome.ABORTED else self.get_logger().info(text)
+        self.get_logger().warning(text) if result.outcome is GoalStatus.ABORTED else self.get_logger().info(text)
         job.end(result)
 
     def on_emergency_stop(self) -> None:

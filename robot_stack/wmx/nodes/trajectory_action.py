@@ -6,10 +6,11 @@ from collections.abc import Callable
 from typing import Any
 
 from robot_stack.contract import actions
+from robot_stack.core.goals import GoalStatus
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.port import ActionGoal
 from robot_stack.wmx.nodes.trajectory_messages import result_to_msg
-from robot_stack.wmx.trajectory.results import Outcome, Result
+from robot_stack.wmx.trajectory.results import Result
 
 
 class Job:
@@ -26,7 +27,7 @@ class Job:
     def end(self, result: Result) -> None:
         self._ended(self)
         goal = self.goal
-        send = {Outcome.SUCCEEDED: goal.succeed, Outcome.CANCELED: goal.cancel, Outcome.ABORTED: goal.abort}
+        send = {GoalStatus.SUCCEEDED: goal.succeed, GoalStatus.CANCELED: goal.cancel, GoalStatus.ABORTED: goal.abort}
         send[result.outcome](result_to_msg(result))
 
 

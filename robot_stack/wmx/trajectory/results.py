@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import Enum, IntEnum
+from enum import IntEnum
+
+from robot_stack.core.goals import GoalStatus
 
 
 class GoalCode(IntEnum):
@@ -17,12 +19,6 @@ class GoalCode(IntEnum):
     GOAL_TOLERANCE_VIOLATED = -5
 
 
-class Outcome(Enum):
-    SUCCEEDED = "succeeded"
-    ABORTED = "aborted"
-    CANCELED = "canceled"
-
-
 @dataclass(frozen=True, slots=True)
 class Fault:
     """The reason why a goal cannot continue. code: a GoalCode or a code of the engine."""
@@ -33,7 +29,7 @@ class Fault:
 
 @dataclass(frozen=True, slots=True)
 class Result:
-    outcome: Outcome
+    outcome: GoalStatus
     code: int
     text: str
 
@@ -47,12 +43,12 @@ class GoalRefused(Exception):
 
 
 def succeeded(text: str) -> Result:
-    return Result(Outcome.SUCCEEDED, GoalCode.SUCCESSFUL, text)
+    return Result(GoalStatus.SUCCEEDED, GoalCode.SUCCESSFUL, text)
 
 
 def canceled(text: str) -> Result:
-    return Result(Outcome.CANCELED, GoalCode.SUCCESSFUL, text)
+    return Result(GoalStatus.CANCELED, GoalCode.SUCCESSFUL, text)
 
 
 def aborted(fault: Fault) -> Result:
-    return Result(Outcome.ABORTED, fault.code, fault.text)
+    return Result(GoalStatus.ABORTED, fault.code, fault.text)

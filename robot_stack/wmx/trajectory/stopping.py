@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from robot_stack.core.goals import GoalStatus
 from robot_stack.wmx.api import CoreMotionErrorCode
 from robot_stack.wmx.trajectory.arm import Arm, ArmState, fault_of
 from robot_stack.wmx.trajectory.dual_clock import Moment
-from robot_stack.wmx.trajectory.results import Fault, Outcome, Result, aborted
+from robot_stack.wmx.trajectory.results import Fault, Result, aborted
 from robot_stack.wmx.trajectory.settings import ExecutionSettings
 
 
@@ -40,7 +41,7 @@ class Stopping:
 
     def replace(self, ending: Result) -> None:
         """Changes the result of a cancellation that is not complete yet to a fault; any other result stays."""
-        if self.ending.outcome is Outcome.CANCELED:
+        if self.ending.outcome is GoalStatus.CANCELED:
             self.ending = ending
 
     def look(self, now: Moment, state: ArmState) -> Result | None:

@@ -13,11 +13,12 @@ import pytest
 from robot_stack.core.config import load
 from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2
+from robot_stack.core.goals import GoalStatus
 from robot_stack.core.limits import MotionLimits
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
 from robot_stack.navigation.controller import NavigationController, Output, Situation
 from robot_stack.navigation.footprint import outline
-from robot_stack.navigation.goal import GoalCode, GoalEnd, Outcome
+from robot_stack.navigation.goal import GoalCode, GoalEnd
 from robot_stack.navigation.people import PeopleTracker
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.rollout_kernels import along_poses, free_time
@@ -191,7 +192,7 @@ def test_only_way_blocked_waits_then_gives_up_with_the_reason() -> None:
     story.go(Pose2(13.0, 5.0, 0.0))
     story.until(lambda output: output.text.startswith("waiting: the only path is blocked at (7"), 30.0)
     output = story.until(lambda output: output.state is NavigationState.IDLE, 30.0)
-    assert output.end == GoalEnd(Outcome.ABORTED, output.text, GoalCode.PATIENCE_EXCEEDED)
+    assert output.end == GoalEnd(GoalStatus.ABORTED, output.text, GoalCode.PATIENCE_EXCEEDED)
     assert "gave up" in output.text
     assert "the only path is blocked at (7" in output.text
     assert story.controller.path is None

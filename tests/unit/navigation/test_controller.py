@@ -10,9 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, wrap_angle
+from robot_stack.core.goals import GoalStatus
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.navigation.controller import Situation
-from robot_stack.navigation.goal import GoalCode, GoalEnd, Outcome
+from robot_stack.navigation.goal import GoalCode, GoalEnd
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.states import NavigationState
 from tests.unit.navigation.plant import ROBOT, request, ride
@@ -106,7 +107,7 @@ def test_cancel_brakes_and_drops_the_goal() -> None:
     story.run(4.0)
     story.controller.cancel()
     assert story.controller.path is None
-    assert story.tick().end == GoalEnd(Outcome.CANCELED, "goal cancelled")
+    assert story.tick().end == GoalEnd(GoalStatus.CANCELED, "goal cancelled")
     assert story.controller.state is NavigationState.BRAKING
     assert story.outputs[-1].twist.vx > 0.5  # a ramp, not a step
     story.run(3.0)
@@ -133,7 +134,7 @@ def test_refused_goal_ends_the_one_before(goal: Pose2, changes: dict[str, str], 
     assert reason in story.go(goal, **changes)
     end = story.controller.take_end()
     assert end is not None
-    assert (end.outcome, end.code) == (Outcome.ABORTED, code)
+    assert (end.outcome, end.code) == (GoalStatus.ABORTED, code)
     assert reason in end.text
     assert story.tick().end is None, "an end is reported once"
     assert story.controller.goal is None
@@ -152,7 +153,7 @@ def test_emergency_stop_zeroes_at_once_and_only_a_new_goal_after_its_release_mov
     assert story.controller.goal is None
     text = "emergency stop: the goal is dropped"
     assert story.outputs[-1].text == text
-    assert story.outputs[-1].end == GoalEnd(Outcome.ABORTED, text, GoalCode.STOPPED)
+    assert story.outputs[-1].end == GoalEnd(GoalStatus.ABORTED, text, GoalCode.STOPPED)
     assert story.go(Pose2(8.0, 0.0, 0.0)) == "an emergency stop is active: send the goal again after its release"
     story.run(3.0)
     stood_m = story.drive.pose.x

@@ -14,11 +14,12 @@ from hypothesis import strategies as st
 from scipy import ndimage
 
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
+from robot_stack.core.goals import GoalStatus
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
 from robot_stack.navigation.background_planner import BackgroundPlanner
 from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.controller import Output
-from robot_stack.navigation.goal import GoalCode, GoalEnd, Outcome
+from robot_stack.navigation.goal import GoalCode, GoalEnd
 from robot_stack.navigation.grid_kernels import astar
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteRequest, RouteResult, RouteSolver
@@ -252,7 +253,7 @@ def test_a_goal_behind_a_wall_of_the_map_is_refused_once_and_not_planned_again()
     assert driven.go(GOAL) == ""
     output = driven.until(ended, 0.5)
     text = "goal refused: no path from (2.0, 5.0) to (13.0, 5.0)"
-    assert output.end == GoalEnd(Outcome.ABORTED, text, GoalCode.NO_VALID_PATH)
+    assert output.end == GoalEnd(GoalStatus.ABORTED, text, GoalCode.NO_VALID_PATH)
     assert output.text == text
     assert (output.state, output.twist) == (NavigationState.IDLE, ZERO_TWIST)
     assert driven.controller.goal is None

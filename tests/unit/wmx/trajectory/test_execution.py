@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robot_stack.core.goals import GoalStatus
 from robot_stack.wmx.api import CoreMotionErrorCode, ErrorCode
 from robot_stack.wmx.trajectory.arm import Blind
 from robot_stack.wmx.trajectory.execution import Execution, Phase
 from robot_stack.wmx.trajectory.goal import CheckedGoal
-from robot_stack.wmx.trajectory.results import Fault, GoalCode, Outcome, Result, aborted, canceled
+from robot_stack.wmx.trajectory.results import Fault, GoalCode, Result, aborted, canceled
 from robot_stack.wmx.trajectory.settings import ExecutionSettings
 from robot_stack.wmx.trajectory.tolerances import Tolerances
 from tests.unit.wmx.trajectory.fake_arm import SETTINGS, TICK_S, FakeArm, goal
@@ -65,7 +66,7 @@ def test_a_goal_begins_at_once_and_succeeds_when_the_arm_is_there() -> None:
     assert run.arm.calls == ["start"]
     assert run.execution.phase is Phase.RUNNING
     result = run.to_end()
-    assert (result.outcome, result.code, result.text) == (Outcome.SUCCEEDED, 0, "")
+    assert (result.outcome, result.code, result.text) == (GoalStatus.SUCCEEDED, 0, "")
     assert run.now_s == pytest.approx(2.0, abs=0.02)
     assert run.arm.calls == ["start"]
     assert run.arm.command == pytest.approx([1.0, -0.2])
@@ -93,7 +94,7 @@ def test_the_time_of_a_sample_is_that_of_the_goal() -> None:
     run.to(1.0)
     assert run.execution.sample is not None
     assert run.execution.sample.time_s == pytest.approx(0.3 + 0.5, abs=0.01)
-    assert run.to_end().outcome is Outcome.SUCCEEDED
+    assert run.to_end().outcome is GoalStatus.SUCCEEDED
     assert run.now_s == pytest.approx(2.0 * 1.7, abs=0.02)
 
 
@@ -103,7 +104,7 @@ def test_a_late_start_waits_for_its_time() -> None:
     assert run.arm.calls == []
     run.to(0.51)
     assert run.arm.calls == ["start"]
-    assert run.to_end().outcome is Outcome.SUCCEEDED
+    assert run.to_end().outcome is GoalStatus.SUCCEEDED
     assert run.now_s == pytest.approx(1.5, abs=0.02)
 
 
@@ -111,7 +112,7 @@ def test_nothing_to_do_succeeds_without_the_engine() -> None:
     for requested, words in ((goal(), "no points"), (goal((1.0, (0.0, 0.0))), "already there")):
         run = Run(requested)
         assert run.result is not None
-        assert (run.result.outcome, run.result.code) == (Outcome.SUCCEEDED, 0)
+        assert (run.result.outcome, run.result.code) == (GoalStatus.SUCCEEDED, 0)
         assert words in run.result.text
         assert run.arm.calls == []
 
@@ -135,7 +136,7 @@ def test_an_arm_that_cannot_move_aborts_before_the_start(change: dict[str, objec
         setattr(arm, name, value)
     result = Run(arm=arm).result
     assert result is not None
-    assert (result.outcome, result.code) == (Outcome.ABORTED, code)
+    assert (result.outcome, result.code) == (GoalStatus.ABORTED, code)
     assert words in result.text
     assert len(arm.splines) == 0
 
@@ -157,7 +158,7 @@ def test_a_fault_in_motion_stops_the_others_and_aborts(change: dict[str, object]
     run.tick()
     assert run.arm.calls == ["start", "quick_stop"]
     result = run.to_end()
-    assert (result.outcome, result.code) == (Outcome.ABORTED, code)
+    assert (result.outcome, result.code) == (GoalStatus.ABORTED, code)
     assert words in result.text
     assert "stood" in result.text
     assert run.arm.state().idle.all()
@@ -169,7 +170,7 @@ def test_a_bus_lost_in_motion_ends_at_once() -> None:
     run.arm.communicating = False
     run.tick()
     assert run.result is not None
-    assert (run.result.outcome, run.result.code) == (Outcome.ABORTED, ErrorCode.CommNotStarted)
+    assert (run.result.outcome, run.result.code) == (GoalStatus.ABORTED, ErrorCode.CommNotStarted)
 
 
 def test_an_engine_that_ended_ends_the_goal_at_once() -> None:
@@ -205,7 +206,7 @@ def test_motion_stopped_by_other_client_is_aborted() -> None:
     run = Run()
     run.arm.cut_at_s = 0.6
     result = run.to_end()
-    assert (result.outcome, result.code) == (Outcome.ABORTED, ErrorCode.NoMotion)
+    assert (result.outcome, result.code) == (GoalStatus.ABORTED, ErrorCode.NoMotion)
     assert "stopped by another client before the end: shoulder, elbow" in result.text
     assert run.now_s == pytest.approx(0.6, abs=0.02)
 
@@ -233,7 +234,7 @@ def test_a_motion_that_never_begins() -> None:
     arm.complete[:] = True
     run.to(2.9)
     result = run.to_end()
-    assert (result.outcome, result.code) == (Outcome.ABORTED, CoreMotionErrorCode.WaitTimeout)
+    assert (result.outcome, result.code) == (GoalStatus.ABORTED, CoreMotionErrorCode.WaitTimeout)
     arm = FakeArm()
     arm.start_takes_s = 100.0
     run = Run(arm=arm)
@@ -245,7 +246,7 @@ def test_a_motion_that_does_not_end_is_stopped() -> None:
     run = Run()
     run.arm.hangs = True
     result = run.to_end()
-    assert (result.outcome, result.code) == (Outcome.ABORTED, CoreMotionErrorCode.WaitTimeout)
+    assert (result.outcome, result.code) == (GoalStatus.ABORTED, CoreMotionErrorCode.WaitTimeout)
     assert run.now_s == pytest.approx(2.0 + SETTINGS.watch.end_timeout_s + 0.1, abs=0.02)
     assert run.arm.calls == ["start", "stop"]
 
@@ -259,7 +260,7 @@ def test_an_engine_that_is_held_up_is_not_late() -> None:
     run.arm.advance(TICK_S)
     run.tick()
     assert run.result is not None
-    assert run.result.outcome is Outcome.SUCCEEDED
+    assert run.result.outcome is GoalStatus.SUCCEEDED
 
 
 def test_frozen_engine_clock_aborts_with_timeout() -> None:
@@ -270,7 +271,7 @@ def test_frozen_engine_clock_aborts_with_timeout() -> None:
         run.now_s += TICK_S
         assert run.now_s < 100.0
         run.result = run.execution.tick(run.now_s, held)
-    assert (run.result.outcome, run.result.code) == (Outcome.ABORTED, CoreMotionErrorCode.WaitTimeout)
+    assert (run.result.outcome, run.result.code) == (GoalStatus.ABORTED, CoreMotionErrorCode.WaitTimeout)
     assert run.arm.calls == ["start", "stop", "quick_stop"]
     assert "STOP FAILED" in run.result.text
 
@@ -282,7 +283,7 @@ def test_path_tolerance_stops_and_aborts() -> None:
     run.to(0.5)
     run.arm.offset[1] = -0.06
     result = run.to_end()
-    assert (result.outcome, result.code) == (Outcome.ABORTED, GoalCode.PATH_TOLERANCE_VIOLATED)
+    assert (result.outcome, result.code) == (GoalStatus.ABORTED, GoalCode.PATH_TOLERANCE_VIOLATED)
     assert "elbow: position error +0.06" in result.text
     assert run.arm.calls == ["start", "stop"]
     assert run.now_s == pytest.approx(0.6, abs=0.02)
@@ -295,11 +296,11 @@ def test_goal_tolerance_is_waited_for() -> None:
     run.to(1.4)
     assert run.execution.phase is Phase.SETTLING
     run.arm.offset[0] = 0.009
-    assert run.to_end().outcome is Outcome.SUCCEEDED
+    assert run.to_end().outcome is GoalStatus.SUCCEEDED
     run = Run(requested)
     run.arm.offset[0] = -0.02
     result = run.to_end()
-    assert (result.outcome, result.code) == (Outcome.ABORTED, GoalCode.GOAL_TOLERANCE_VIOLATED)
+    assert (result.outcome, result.code) == (GoalStatus.ABORTED, GoalCode.GOAL_TOLERANCE_VIOLATED)
     assert "0.5 s after the end: shoulder: position error +0.02000 rad, tolerance 0.01" in result.text
     assert run.now_s == pytest.approx(1.5, abs=0.02)
 
@@ -312,7 +313,7 @@ def test_fault_while_settling_aborts_goal() -> None:
     run.arm.offset[0] = 0.0
     run.arm.servo_on[0] = False
     result = run.to_end()
-    assert (result.outcome, result.code) == (Outcome.ABORTED, ErrorCode.ServoOff)
+    assert (result.outcome, result.code) == (GoalStatus.ABORTED, ErrorCode.ServoOff)
 
 
 def test_cancel_ends_when_the_axes_stand() -> None:
@@ -322,7 +323,7 @@ def test_cancel_ends_when_the_axes_stand() -> None:
     run.tick()
     assert run.result is None
     result = run.to_end()
-    assert (result.outcome, result.code, result.text) == (Outcome.CANCELED, 0, "canceled; stood 100 ms later")
+    assert (result.outcome, result.code, result.text) == (GoalStatus.CANCELED, 0, "canceled; stood 100 ms later")
     assert run.arm.calls == ["start", "stop"]
     assert run.now_s == pytest.approx(0.8, abs=0.02)
 
@@ -343,13 +344,13 @@ def test_a_joint_that_swings_back_does_not_stand_yet() -> None:
 def test_cancel_while_waiting_and_while_settling() -> None:
     waiting = Run(goal((1.0, (1.0, 0.0)), start_in_s=9.0))
     waiting.stop(canceled("canceled"))
-    assert waiting.to_end().outcome is Outcome.CANCELED
+    assert waiting.to_end().outcome is GoalStatus.CANCELED
     assert waiting.arm.calls == []
     settling = Run(goal((1.0, (0.4, 0.2)), at_goal=Tolerances(np.full(2, 0.01), np.full(2, np.inf))))
     settling.arm.offset[0] = 0.02
     settling.to(1.2)
     settling.stop(canceled("canceled"))
-    assert settling.to_end().outcome is Outcome.CANCELED
+    assert settling.to_end().outcome is GoalStatus.CANCELED
 
 
 def test_a_stop_that_does_nothing_becomes_a_quick_stop() -> None:
@@ -358,7 +359,7 @@ def test_a_stop_that_does_nothing_becomes_a_quick_stop() -> None:
     run.to(0.7)
     run.stop(canceled("canceled"))
     result = run.to_end()
-    assert result.outcome is Outcome.CANCELED
+    assert result.outcome is GoalStatus.CANCELED
     assert run.arm.calls == ["start", "stop", "quick_stop"]
     own_s = run.execution._spline.longest_stop_s()
     assert run.now_s == pytest.approx(0.7 + own_s + SETTINGS.watch.stop_timeout_s + 0.02, abs=0.02)
@@ -370,7 +371,7 @@ def test_a_refused_stop_becomes_a_quick_stop_at_once() -> None:
     run.to(0.7)
     run.stop(canceled("canceled"))
     assert run.arm.calls == ["start", "stop", "quick_stop"]
-    assert run.to_end().outcome is Outcome.CANCELED
+    assert run.to_end().outcome is GoalStatus.CANCELED
 
 
 def test_a_gentle_trajectory_is_stopped_gently() -> None:
@@ -381,7 +382,7 @@ def test_a_gentle_trajectory_is_stopped_gently() -> None:
     run.arm.stop_takes_s = 5.0
     run.to(3.0)
     run.stop(canceled("canceled"))
-    assert run.to_end().outcome is Outcome.CANCELED
+    assert run.to_end().outcome is GoalStatus.CANCELED
     assert run.arm.calls == ["start", "stop"]
 
 
@@ -391,7 +392,7 @@ def test_a_failed_stop_is_reported_and_not_called_canceled() -> None:
     run.to(0.7)
     run.stop(canceled("canceled"))
     result = run.to_end()
-    assert (result.outcome, result.code) == (Outcome.ABORTED, CoreMotionErrorCode.WaitTimeout)
+    assert (result.outcome, result.code) == (GoalStatus.ABORTED, CoreMotionErrorCode.WaitTimeout)
     assert "STOP FAILED: shoulder moves at" in result.text
     assert run.now_s == pytest.approx(0.7 + 2.0 * 0.25 * 8.0 + 0.5 + 0.3, abs=0.03)
 
@@ -404,7 +405,7 @@ def test_an_emergency_makes_a_stop_a_quick_one() -> None:
     run.stop(aborted(Fault(65632, "emergency stop")), quick=True)
     result = run.to_end()
     assert run.arm.calls == ["start", "stop", "quick_stop"]
-    assert (result.outcome, result.code) == (Outcome.ABORTED, 65632)
+    assert (result.outcome, result.code) == (GoalStatus.ABORTED, 65632)
     assert run.now_s < 0.74
 
 
@@ -414,7 +415,7 @@ def test_an_alarm_while_stopping_is_not_called_canceled() -> None:
     run.stop(canceled("canceled"))
     run.arm.alarm_code[0] = 0x10
     result = run.to_end()
-    assert (result.outcome, result.code) == (Outcome.ABORTED, ErrorCode.AxisAmpAlarm)
+    assert (result.outcome, result.code) == (GoalStatus.ABORTED, ErrorCode.AxisAmpAlarm)
     assert "canceled; while stopping: shoulder: amplifier alarm 0x0010" in result.text
 
 
@@ -460,9 +461,9 @@ def test_whatever_happens_a_goal_ends_in_time_and_ends_once(story: list[tuple[in
         results += [run.result] if run.result is not None else []
     assert results, "the goal never ended"
     assert all(result == results[0] for result in results)
-    if results[0].outcome is Outcome.SUCCEEDED:
+    if results[0].outcome is GoalStatus.SUCCEEDED:
         assert run.arm.command == pytest.approx([0.4, 0.2])
-    if results[0].outcome is not Outcome.ABORTED:
+    if results[0].outcome is not GoalStatus.ABORTED:
         assert results[0].code == 0
     else:
         assert results[0].code != 0

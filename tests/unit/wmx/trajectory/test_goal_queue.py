@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import pytest
 
+from robot_stack.core.goals import GoalStatus
 from robot_stack.wmx.trajectory.arm import Blind
 from robot_stack.wmx.trajectory.goal import CheckedGoal
 from robot_stack.wmx.trajectory.goal_queue import GoalQueue
-from robot_stack.wmx.trajectory.results import Fault, GoalCode, Outcome, Result
+from robot_stack.wmx.trajectory.results import Fault, GoalCode, Result
 from robot_stack.wmx.trajectory.settings import ExecutionSettings
 from tests.unit.wmx.trajectory.fake_arm import SETTINGS, TICK_S, FakeArm, goal
 
@@ -45,7 +46,7 @@ def test_a_goal_begins_when_it_is_submitted() -> None:
     desk.submit("a", FIRST)
     assert desk.arm.calls == ["start"]
     desk.run(2.1)
-    assert desk.ended["a"].outcome is Outcome.SUCCEEDED
+    assert desk.ended["a"].outcome is GoalStatus.SUCCEEDED
     assert desk.queue.active is None
 
 
@@ -57,11 +58,11 @@ def test_a_newer_goal_stops_the_present_one_and_begins_from_rest() -> None:
     assert desk.arm.calls == ["start", "stop"]
     assert "a" not in desk.ended
     desk.run(0.15)
-    assert (desk.ended["a"].outcome, desk.ended["a"].code) == (Outcome.ABORTED, GoalCode.INVALID_GOAL)
+    assert (desk.ended["a"].outcome, desk.ended["a"].code) == (GoalStatus.ABORTED, GoalCode.INVALID_GOAL)
     assert "preempted by a newer goal" in desk.ended["a"].text
     assert desk.arm.calls == ["start", "stop", "start"]
     desk.run(1.1)
-    assert desk.ended["b"].outcome is Outcome.SUCCEEDED
+    assert desk.ended["b"].outcome is GoalStatus.SUCCEEDED
     assert desk.arm.command == pytest.approx([0.0, 1.0])
 
 
@@ -73,7 +74,7 @@ def test_of_several_newer_goals_the_last_one_runs() -> None:
     desk.submit("c", SECOND)
     assert desk.ended["b"].code == GoalCode.INVALID_GOAL
     desk.run(1.3)
-    assert desk.ended["c"].outcome is Outcome.SUCCEEDED
+    assert desk.ended["c"].outcome is GoalStatus.SUCCEEDED
     assert len(desk.arm.splines) == 2
 
 
@@ -84,7 +85,7 @@ def test_empty_goal_stops_running_goal() -> None:
     desk.submit("empty", goal())
     desk.run(0.2)
     assert desk.ended["a"].code == GoalCode.INVALID_GOAL
-    assert desk.ended["empty"].outcome is Outcome.SUCCEEDED
+    assert desk.ended["empty"].outcome is GoalStatus.SUCCEEDED
     assert desk.arm.state().idle.all()
 
 
@@ -103,7 +104,7 @@ def test_cancel_of_the_running_the_waiting_and_an_unknown_goal() -> None:
     desk.run(0.5)
     desk.submit("b", SECOND)
     desk.queue.cancel("b", desk.now_s)
-    assert desk.ended["b"].outcome is Outcome.CANCELED
+    assert desk.ended["b"].outcome is GoalStatus.CANCELED
     desk.queue.cancel("nobody", desk.now_s)
     desk.run(0.2)
     assert desk.ended["a"].code == GoalCode.INVALID_GOAL
@@ -112,7 +113,7 @@ def test_cancel_of_the_running_the_waiting_and_an_unknown_goal() -> None:
     desk.queue.cancel("c", desk.now_s)
     assert "c" not in desk.ended
     desk.run(0.2)
-    assert desk.ended["c"].outcome is Outcome.CANCELED
+    assert desk.ended["c"].outcome is GoalStatus.CANCELED
 
 
 def test_repeated_cancellations_do_not_postpone_the_quick_stop() -> None:
@@ -123,7 +124,7 @@ def test_repeated_cancellations_do_not_postpone_the_quick_stop() -> None:
     for _ in range(round(4.6 / TICK_S)):  # this spline may take 4 s to stop, plus 0.5 s
         desk.queue.cancel("a", desk.now_s)
         desk.run(TICK_S)
-    assert desk.ended["a"].outcome is Outcome.CANCELED
+    assert desk.ended["a"].outcome is GoalStatus.CANCELED
     assert desk.arm.calls.count("stop") == 1
     assert desk.arm.calls.count("quick_stop") == 1
 
@@ -134,9 +135,9 @@ def test_an_emergency_ends_everything() -> None:
     desk.run(0.5)
     desk.submit("b", SECOND)
     desk.queue.stop_all(EMERGENCY, desk.now_s)
-    assert desk.ended["b"] == Result(Outcome.ABORTED, 65632, "emergency stop")
+    assert desk.ended["b"] == Result(GoalStatus.ABORTED, 65632, "emergency stop")
     desk.run(0.05)
-    assert desk.ended["a"].outcome is Outcome.ABORTED
+    assert desk.ended["a"].outcome is GoalStatus.ABORTED
     assert desk.arm.calls == ["start", "stop", "quick_stop"]
     assert desk.queue.active is None
 
@@ -152,10 +153,10 @@ def test_a_goal_that_cannot_be_planned_leaves_the_running_one_alone() -> None:
     desk.submit("a", FIRST)
     desk.run(0.9)
     desk.submit("hasty", HASTY)
-    assert (desk.ended["hasty"].outcome, desk.ended["hasty"].code) == (Outcome.ABORTED, GoalCode.INVALID_GOAL)
+    assert (desk.ended["hasty"].outcome, desk.ended["hasty"].code) == (GoalStatus.ABORTED, GoalCode.INVALID_GOAL)
     assert "velocity" in desk.ended["hasty"].text
     desk.run(1.3)
-    assert desk.ended["a"].outcome is Outcome.SUCCEEDED
+    assert desk.ended["a"].outcome is GoalStatus.SUCCEEDED
     assert desk.arm.calls == ["start"]
 
 
@@ -167,7 +168,7 @@ def test_a_goal_that_cannot_be_planned_leaves_the_waiting_one_alone_too() -> Non
     desk.submit("hasty", HASTY)
     assert set(desk.ended) == {"hasty"}
     desk.run(5.2)
-    assert [desk.ended[key].outcome for key in ("a", "later")] == [Outcome.SUCCEEDED] * 2
+    assert [desk.ended[key].outcome for key in ("a", "later")] == [GoalStatus.SUCCEEDED] * 2
 
 
 def test_running_goal_continues_until_start_time_of_newer_goal() -> None:
@@ -185,7 +186,7 @@ def test_running_goal_continues_until_start_time_of_newer_goal() -> None:
     assert desk.ended["a"].code == GoalCode.INVALID_GOAL
     assert desk.ended_at_s["a"] == pytest.approx(1.2, abs=0.02)
     desk.run(1.2)
-    assert desk.ended["b"].outcome is Outcome.SUCCEEDED
+    assert desk.ended["b"].outcome is GoalStatus.SUCCEEDED
 
 
 def test_a_goal_that_ends_before_the_start_of_the_newer_one_succeeds() -> None:
@@ -194,10 +195,10 @@ def test_a_goal_that_ends_before_the_start_of_the_newer_one_succeeds() -> None:
     desk.run(0.5)
     desk.submit("b", goal((1.0, (0.0, 1.0)), start_in_s=2.0))
     desk.run(1.6)
-    assert desk.ended["a"].outcome is Outcome.SUCCEEDED
+    assert desk.ended["a"].outcome is GoalStatus.SUCCEEDED
     assert desk.arm.calls == ["start"]
     desk.run(1.7)
-    assert desk.ended["b"].outcome is Outcome.SUCCEEDED
+    assert desk.ended["b"].outcome is GoalStatus.SUCCEEDED
     assert desk.ended_at_s["b"] == pytest.approx(3.5, abs=0.03)
 
 
@@ -210,7 +211,7 @@ def test_the_newest_of_two_that_wait_for_their_start_counts() -> None:
     assert desk.ended["b"].code == GoalCode.INVALID_GOAL
     assert desk.arm.calls == ["start", "stop"]
     desk.run(1.3)
-    assert desk.ended["c"].outcome is Outcome.SUCCEEDED
+    assert desk.ended["c"].outcome is GoalStatus.SUCCEEDED
 
 
 def test_a_cancellation_of_the_one_that_waits_leaves_the_running_one_alone() -> None:
@@ -220,7 +221,7 @@ def test_a_cancellation_of_the_one_that_waits_leaves_the_running_one_alone() -> 
     desk.submit("b", replace(SECOND, start_in_s=0.5))
     desk.queue.cancel("b", desk.now_s)
     desk.run(1.6)
-    assert (desk.ended["a"].outcome, desk.ended["b"].outcome) == (Outcome.SUCCEEDED, Outcome.CANCELED)
+    assert (desk.ended["a"].outcome, desk.ended["b"].outcome) == (GoalStatus.SUCCEEDED, GoalStatus.CANCELED)
 
 
 def test_an_emergency_ends_the_one_that_waits_as_well() -> None:
@@ -242,7 +243,7 @@ def test_a_goal_is_planned_from_where_the_running_one_will_be() -> None:
     desk.submit("b", near_the_end)
     assert desk.ended == {}
     desk.run(5.5)
-    assert desk.ended["b"].outcome is Outcome.SUCCEEDED
+    assert desk.ended["b"].outcome is GoalStatus.SUCCEEDED
 
 
 def test_without_a_status_the_newer_goal_is_planned_when_the_joints_stand() -> None:
