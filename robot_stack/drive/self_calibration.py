@@ -83,8 +83,8 @@ class WheelCalibration:
         self._solve()
         deviations = np.sqrt(np.diagonal(np.linalg.inv(self._information))).tolist()
         weight, e = self._params.noise_m**-2, self._estimate
-        told = (self._information - _prior(self._params)) / weight
-        left_m2 = self._seen_m2 - 2.0 * float(e @ self._evidence) / weight + float(e @ told @ e)
+        gained = (self._information - _prior(self._params)) / weight
+        left_m2 = self._seen_m2 - 2.0 * float(e @ self._evidence) / weight + float(e @ gained @ e)
         rows = max(1, _SPARE * self._readings)
         return Learnt(
             self.radius_errors,

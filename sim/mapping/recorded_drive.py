@@ -43,12 +43,12 @@ class RecordedDrive(TwistController):
         self._bag, self._movers = bag, movers
         self.bodies = BodyHistory()
         self.true_poses: list[tuple[float, F64]] = []
-        self._rig = Rig(self.robot, load_sim_params(), setup)
+        sim_params, params = load_sim_params(), load_lidar_params()
+        self._rig = Rig(self.robot, sim_params, setup)
         self._rig.on_imu = bag.imu
         self.sim = self._rig.sim
-        params = load_lidar_params()
         people = [walker.name for walker in self.sim.world.people]
-        scene = build_scene(setup.world, params, load_sim_params().wheelchair, people=people)
+        scene = build_scene(setup.world, params, sim_params.wheelchair, people=people)
         self.lidar = Lidar(scene, params, self.robot, setup.seed)
         self._readings = 0
         self._sweep_readings = round(topics.JOINT_STATES.nominal_rate_hz / sweep_rate_hz)

@@ -31,8 +31,9 @@ def run(runs: int = 5, simulated: int = 5, results: str = "") -> Result:
     results: folder of earlier demos (`launch_scripts/demo --short --output FOLDER`), used instead of new ones.
     outside_spread: number of compared figures whose simulated median lies outside what the live runs span.
     """
-    live = [_of_folder(path) for path in sorted(Path(results).glob("demo-2*/figures.json"))] if results else None
-    if live is None:
+    if results:
+        live = [_of_folder(path) for path in sorted(Path(results).glob("demo-2*/figures.json"))]
+    else:
         live = [_drive(seed) for seed in range(1, runs + 1)]
     if len(live) < 2:
         raise BenchError(f"{results or 'runs'}: two live rides or more are needed, found {len(live)}")

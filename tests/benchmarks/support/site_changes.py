@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,12 +58,12 @@ def walkers(world: WorldFile, count: int, seed: int) -> list[Person]:
     """Persons who walk to and fro for 6-10 m beside the routes, 1.2-2.5 m off their middle, at 0.8-1.4 m/s."""
     random = np.random.default_rng(seed)
     routes = [np.array(route.points_m, float) for route in world.routes.values()]
-    return [_walker(f"walker_{index}", routes[index % len(routes)], world, random) for index in range(count)]
+    ways = [Polyline(route.points_m) for route in world.routes.values()]
+    return [_walker(f"walker_{index}", routes[index % len(routes)], ways, random) for index in range(count)]
 
 
-def _walker(name: str, route: Array, world: WorldFile, random: np.random.Generator) -> Person:
-    """Raises BenchError if no line beside the route keeps off all routes."""
-    ways = [Polyline(each.points_m) for each in world.routes.values()]
+def _walker(name: str, route: Array, ways: Sequence[Polyline], random: np.random.Generator) -> Person:
+    """Raises BenchError if no line beside the route keeps off all ways."""
     for _ in range(_TRIES):
         leg = int(random.integers(len(route) - 1))
         start, along = route[leg], route[leg + 1] - route[leg]
