@@ -44,6 +44,8 @@ AIMS = {
     "kitti_refused_35_pct": Aim("<", 20.0),
     "kitti_wrong_accepted_pct": Aim("<=", 0.0),
     "kitti_wrong_found_pct": Aim("<=", 0.0),
+    **{f"kitti_of_{count}_refused_{gone}_pct": Aim("<", 5.0) for count in ndt_foreign.SEVERAL for gone in (0, 20, 35)},
+    **{f"kitti_of_{count}_wrong_accepted_pct": Aim("<=", 0.0) for count in ndt_foreign.SEVERAL},
 }
 _UP = np.array([0.0, 0.0, 1.0])
 # Standard deviations of a tracking filter's prediction error over 0.1 s.
@@ -85,7 +87,7 @@ def run(
 ) -> Result:
     """sweeps: along all routes, between the map's own places. starts: for each sweep and radius of the basin.
 
-    yard: also measures matching time and range. kitti: folder of real sweeps; omitted if empty.
+    yard: also measures matching time and range. kitti: folder of consecutive real sweeps; omitted if empty.
     """
     site = load_world(world)
     cells, origin = site_cells(site, world, seed=2000)

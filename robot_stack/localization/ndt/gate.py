@@ -81,15 +81,14 @@ def problem_of(match: Match, predicted: Pose2, position_sigma_m: float, yaw_sigm
 
 
 def _doubt(match: Match, gate: GateParams) -> str:
-    """What a low score leaves unproven; empty if other evidence resolves it. A NaN pierced share resolves nothing."""
-    if match.score >= gate.sure_score:
+    """What a low score leaves unproven; empty if other evidence resolves it. A NaN pierced share resolves nothing.
+
+    Monotonic: what a match of some score needs is enough for every higher score.
+    """
+    if match.score >= gate.sure_score or (match.score >= gate.min_score and match.pierced <= gate.max_pierced):
         return ""
-    if match.score < gate.min_score:
-        lack = lack_of_evidence(match, gate.evidence)
-        return f"score {match.score:.2f} is below {gate.min_score}: {lack}" if lack else ""
-    if match.pierced <= gate.max_pierced:
-        return ""
-    return f"score {match.score:.2f}, and {match.pierced:.0%} of the rays pass through mapped obstacles"
+    lack = lack_of_evidence(match, gate.evidence)
+    return f"score {match.score:.2f} is below {gate.sure_score}: {lack}" if lack else ""
 
 
 class LocalizationState:

@@ -90,7 +90,7 @@ class MatchParams(Config):
 
 
 class EvidenceParams(Config):
-    """Evidence required of a match that explains less than min_score of the structure, where map or world have gaps.
+    """Evidence required of a match that explains little of the structure, where map or world have gaps.
 
     least_score: the share that it must explain all the same; min_agreement: the share in known parts of the map.
     max_pierced: the share of rays that pass through the map's structure, over the agreement. min_contrast: least ratio
@@ -111,8 +111,8 @@ class EvidenceParams(Config):
 class GateParams(Config):
     """Which matches correct the pose, and when the pose is given up.
 
-    A match that explains sure_score of the structure needs no further evidence; for one that explains min_score, at
-    most max_pierced of its rays may pass through the map's structure; one that explains less needs evidence.
+    A match that explains sure_score of the structure needs no further evidence. One that explains min_score is accepted
+    if at most max_pierced of its rays pass through the map's structure. Any other one needs evidence.
 
     reach_sigmas: how many standard deviations of the prediction the first level of a match must reach; the yaw's count
     at reach_radius_m.

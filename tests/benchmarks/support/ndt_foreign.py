@@ -1,7 +1,7 @@
 """Match acceptance in a place not used for tuning: real sweeps beside the project, if they exist.
 
-The map is made of one sweep and the other is matched against it, in both directions. small_gicp provides the reference
-pose. Parts of the map are removed to simulate a changed world.
+The map is made of some sweeps and another one is matched against it. small_gicp provides the reference poses. Parts of
+the map are removed to simulate a changed world.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,8 @@ from tests.benchmarks.support.ground_real import FOLDER, SENSOR_HEIGHT_M
 
 Array = NDArray[np.float64]
 GONE = (0.0, 0.2, 0.35)
+# Numbers of sweeps in a map.
+SEVERAL = (2, 3, 5)
 NEAR_M, NEAR_RAD = 0.1, math.radians(1.0)
 _LIDAR = (0.0, 0.0, SENSOR_HEIGHT_M)
 _UP = np.array([0.0, 0.0, 1.0])
@@ -95,23 +98,32 @@ class Tally:
         return 100.0 * self.wrong / max(self.tried, 1)
 
 
-def places(folder: Path = FOLDER) -> tuple[list[Place], float]:
-    """The first two sweeps of the folder, in both directions, and the round-trip error of the reference, m.
+def places(folder: Path = FOLDER, of: int = 1) -> tuple[list[Place], float]:
+    """Each sweep of the folder with a map of the ``of`` sweeps nearest in time, and the largest round-trip error, m.
 
-    Returns no places if there are fewer than two sweeps. Raises BenchError if small_gicp is missing or inconsistent.
+    The sweeps are consecutive. The error is that of the reference between two of them, both ways. Returns no places if
+    there are too few sweeps. Raises BenchError if small_gicp is missing or inconsistent.
     """
-    files = sorted(folder.glob("scan_*.bin"))[:2]
-    if len(files) < 2:
+    clouds = [_points(file) for file in sorted(folder.glob("scan_*.bin"))]
+    if len(clouds) <= of:
         return [], math.nan
-    points = [_points(file) for file in files]
-    there, back = _reference(points[0], points[1]), _reference(points[1], points[0])
-    round_trip = planar(there @ back)
-    apart_m = math.hypot(round_trip.x, round_trip.y)
+    poses, apart_m = [np.eye(4)], 0.0
+    for earlier, later in pairwise(clouds):
+        there = _reference(earlier, later)
+        round_trip = planar(there @ _reference(later, earlier))
+        apart_m = max(apart_m, math.hypot(round_trip.x, round_trip.y))
+        poses.append(poses[-1] @ there)
     if apart_m > 0.02:
         raise BenchError(f"ndt: small_gicp's own answers of both ways are {apart_m:.3f} m apart")
-    cells = [cells_of(np.concatenate([xyz, _road()]), _CELL_M, _CELL_POINTS) for xyz in points]
-    sweeps = [_sweep(xyz) for xyz in points]
-    return [Place(cells[0], sweeps[1], planar(there)), Place(cells[1], sweeps[0], planar(back))], apart_m
+    found = []
+    for index, xyz in enumerate(clouds):
+        others = sorted((k for k in range(len(clouds)) if k != index), key=lambda k: abs(k - index))[:of]
+        into = [np.linalg.inv(poses[others[0]]) @ poses[k] for k in others]
+        mapped = [clouds[k] @ pose[:3, :3].T + pose[:3, 3] for k, pose in zip(others, into, strict=True)]
+        cells = cells_of(np.concatenate([*mapped, _road()]), _CELL_M, _CELL_POINTS)
+        truth = planar(np.linalg.inv(poses[others[0]]) @ poses[index])
+        found.append(Place(cells, _sweep(xyz), truth))
+    return found, apart_m
 
 
 def tracked(
@@ -169,13 +181,20 @@ def figures(
     }
     if not foreign:
         return out, conditions | {"kitti": f"no two scan_*.bin in {folder}: not measured"}
-    figures, own = _of_a_site("kitti", foreign, yard[:: max(1, len(yard) // 6)], params, 8, 5, random)
-    own["kitti"] = (
-        f"two sweeps of {folder}, 0.1 s apart: each against a map of the other one alone and the road under the car, "
-        f"cells of {_CELL_M} m; holes and starts are of a seed, but there is one street. Reference: small_gicp's GICP, "
-        f"then VGICP, of all points; both ways {1e3 * apart_m:.0f} mm apart"
+    others = yard[:: max(1, len(yard) // 6)]
+    for count in (1, *SEVERAL):
+        site = foreign if count == 1 else places(folder, count)[0]
+        if site:
+            name = "kitti" if count == 1 else f"kitti_of_{count}"
+            figures, own = _of_a_site(name, site, others, params, 8, 5, random)
+            out, conditions = out | figures, conditions | own
+    conditions["kitti"] = (
+        f"{len(foreign)} consecutive sweeps of {folder}: each against a map of the nearest one, kitti_of_n: of the "
+        f"nearest n, and of the road under the car, cells of {_CELL_M} m; holes and starts are of a seed, but there is "
+        "one street. Reference: small_gicp's GICP, then VGICP, of all points; both ways at most "
+        f"{1e3 * apart_m:.0f} mm apart"
     )
-    return out | figures, conditions | own
+    return out, conditions
 
 
 def _of_a_site(

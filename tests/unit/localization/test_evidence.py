@@ -9,6 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
 from robot_stack.core.point_cloud import Points
@@ -27,8 +29,8 @@ needs_sweeps = pytest.mark.skipif(len(list(KITTI.glob("scan_*.bin"))) < 2, reaso
 
 def found(score: float, **evidence: float) -> Match:
     """Returns a match for the gate. By default its evidence is that of a correct match of the real sweeps."""
-    given = {"residual": 1.0, "agreement": 0.6, "contrast": 4.0, "pierced": 0.05, **evidence}
-    return Match(pose_of(HERE, 0.0, UP), 1e-4 * np.eye(6), score, 3000, True, 5, 0, **given)
+    values = {"residual": 1.0, "agreement": 0.6, "contrast": 4.0, "pierced": 0.05, **evidence}
+    return Match(pose_of(HERE, 0.0, UP), 1e-4 * np.eye(6), score, 3000, True, 5, 0, **values)
 
 
 def problem(match: Match) -> str:
@@ -73,6 +75,19 @@ def test_more_than_half_explained_is_refused_if_the_rays_pass_through_the_map() 
     assert "pass through" in problem(found(0.6, pierced=0.3))
     assert "pass through" in problem(found(0.6, pierced=math.nan))
     assert problem(found(0.9, pierced=math.nan)) == ""
+
+
+SHARE = st.floats(0.0, 1.0)
+
+
+@example(0.5, 0.6, 4.0, 0.9, 0.15, 1.0)
+@given(SHARE, SHARE, st.floats(0.5, 6.0), SHARE, st.floats(0.0, 0.5), st.floats(0.5, 2.0))
+def test_a_higher_score_needs_no_more_evidence(
+    low: float, high: float, contrast: float, agreement: float, pierced: float, residual: float
+) -> None:
+    low, high = sorted((low, high))
+    evidence = {"contrast": contrast, "agreement": agreement, "pierced": pierced, "residual": residual}
+    assert problem(found(low, **evidence)) or not problem(found(high, **evidence))
 
 
 def test_match_accepted_by_gate_has_driving_quality() -> None:
@@ -149,9 +164,9 @@ class Car:
     """A car at rest at the true pose. Every sweep is the same real one with another intensity."""
 
     def __init__(self, site: Place, start: Pose2) -> None:
-        given = params(start_x_m=start.x, start_y_m=start.y, start_yaw_rad=start.yaw)
-        self.site, self.solver = site, SweepSolver(site.cells, given.ndt, site.lidar)
-        self.localizer, self.t_s = MapLocalizer(given, 1.5, 1.0, self.solver.matcher), 100.0
+        own = params(start_x_m=start.x, start_y_m=start.y, start_yaw_rad=start.yaw)
+        self.site, self.solver = site, SweepSolver(site.cells, own.ndt, site.lidar)
+        self.localizer, self.t_s = MapLocalizer(own, 1.5, 1.0, self.solver.matcher), 100.0
 
     def stand(self, sweeps: int) -> Car:
         for count in range(sweeps):
