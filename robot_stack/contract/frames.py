@@ -14,3 +14,13 @@ MODULES = ("fl", "fr", "rl", "rr")  # module ids 0-3
 JOINTS = tuple(f"{module}_{part}" for module in MODULES for part in ("drive", "steer"))
 DRIVE_AXES = (0, 2, 4, 6)
 STEER_AXES = (1, 3, 5, 7)
+
+
+def steering_link(module: str) -> str:
+    """The frame that turns with a module's steering: at the wheel's centre, axes of base_link at steering angle 0."""
+    return f"{module}_steering"
+
+
+def wheel_link(module: str) -> str:
+    """The frame that rolls with a module's wheel: y is the axle."""
+    return f"{module}_wheel"

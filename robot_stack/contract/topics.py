@@ -139,7 +139,8 @@ TF = Topic(
     qos.TF,
     ("ndt_localization", "swerve_controller"),
     ("rviz",),
-    "map->odom from localization (10 Hz), odom->base_link from the swerve controller (50 Hz)",
+    "map->odom from localization (10 Hz); odom->base_link and the steering and wheel frames of the robot's "
+    "description, as robot_state_publisher names them, from the swerve controller (50 Hz)",
 )
 TF_STATIC = Topic(
     "/tf_static",
@@ -157,6 +158,15 @@ TF_STATIC = Topic(
     ),
     ("rviz",),
     "base_link->sensor, each from the sensor's driver",
+)
+
+ROBOT_DESCRIPTION = Topic(
+    "/robot_description",
+    "std_msgs/msg/String",
+    qos.LATCHED,
+    ("swerve_controller",),
+    ("rviz",),
+    "URDF made from config/robot.yaml: frames, joints and looks",
 )
 
 # --- swerve drive -------------------------------------------------------------------------------------------------

@@ -233,6 +233,7 @@ ROBOT = (
 # Interfaces that the robot needs beyond the documented ones.
 ADDITIONS = (
     Documented("/tf", "tf2_msgs/msg/TFMessage", R, VOLATILE, 100, None, ("ndt_localization", "swerve_controller")),
+    Documented("/robot_description", "std_msgs/msg/String", R, LATCHED, 1, None, ("swerve_controller",), ("rviz",)),
     Documented("/tf_static", "tf2_msgs/msg/TFMessage", R, LATCHED, 1, None, ("imu_driver",)),
     Documented(
         "/docking/latch",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from builtin_interfaces.msg import Time
@@ -11,9 +12,11 @@ from sensor_msgs.msg import JointState
 from custom_msgs.msg import SwerveModuleCommand, SwerveModuleCommandArray, VelocityLimit
 from robot_stack.contract import frames
 from robot_stack.contract.faults import split_codes
+from robot_stack.core.geometry import Pose2
 from robot_stack.core.limits import SafetyLimit
+from robot_stack.core.robot import Robot
 from robot_stack.drive.kinematics import ModuleSetPoints
-from robot_stack.drive.odometry import Odometry, planar_covariance
+from robot_stack.drive.odometry import Encoders, Odometry, planar_covariance
 from robot_stack.middleware.conversions import pose_to_msg, transform_stamped, twist_to_msg
 from robot_stack.wmx.axes import StatusSnapshot
 from tf2_msgs.msg import TFMessage
@@ -53,8 +56,27 @@ def odometry_message(odometry: Odometry, stamp: Time) -> OdometryMessage:
     return message
 
 
-def odom_to_base_link(odometry: Odometry, stamp: Time) -> TFMessage:
-    return TFMessage(transforms=[transform_stamped(odometry.pose, frames.ODOM, frames.BASE_LINK, stamp)])
+class DriveTransforms:
+    """odom -> base_link, and the frames of each module in base_link: steering and wheel."""
+
+    def __init__(self, robot: Robot) -> None:
+        still = Time()
+        self._steering, self._wheels = [], []
+        for module, (x, y) in zip(frames.MODULES, robot.module_positions_m(), strict=True):
+            steering, axle = frames.steering_link(module), Pose2(x, y, 0.0)
+            self._steering.append(transform_stamped(axle, frames.BASE_LINK, steering, still, robot.wheel_radius_m))
+            self._wheels.append(transform_stamped(Pose2(0.0, 0.0, 0.0), steering, frames.wheel_link(module), still))
+
+    def message(self, odometry: Odometry, joints: Encoders, stamp: Time) -> TFMessage:
+        """Valid until the next call, which changes its transforms of the modules."""
+        for transform, angle_rad in zip(self._steering, joints.steer_rad, strict=True):
+            transform.header.stamp, rotation = stamp, transform.transform.rotation
+            rotation.z, rotation.w = math.sin(0.5 * angle_rad), math.cos(0.5 * angle_rad)
+        for transform, angle_rad in zip(self._wheels, joints.drive_rad, strict=True):
+            transform.header.stamp, rotation = stamp, transform.transform.rotation
+            rotation.y, rotation.w = math.sin(0.5 * angle_rad), math.cos(0.5 * angle_rad)
+        base = transform_stamped(odometry.pose, frames.ODOM, frames.BASE_LINK, stamp)
+        return TFMessage(transforms=[base, *self._steering, *self._wheels])
 
 
 def speed_limit(message: VelocityLimit | None) -> SafetyLimit | None:

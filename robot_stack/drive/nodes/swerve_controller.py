@@ -1,4 +1,7 @@
-"""swerve_controller: velocity commands and joint states to wheel commands, odometry and odom -> base_link."""
+"""swerve_controller: velocity commands and joint states to wheel commands, odometry and the robot's transforms.
+
+Publishes the robot's description, whose frames these are.
+"""
 
 from __future__ import annotations
 
@@ -6,15 +9,18 @@ import math
 
 from geometry_msgs.msg import Twist, TwistStamped
 from sensor_msgs.msg import JointState
+from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from custom_msgs.msg import VelocityLimit
 from robot_stack.contract import frames, services, topics
 from robot_stack.core.limits import MotionLimits
+from robot_stack.core.robot_description import robot_description
+from robot_stack.core.robot_shape import load_robot_shape
 from robot_stack.drive.arbitration import Arbiter, Source
 from robot_stack.drive.controller import SwerveController
 from robot_stack.drive.joint_states import BadJointStates, encoders
-from robot_stack.drive.nodes.conversions import odom_to_base_link, odometry_message, speed_limit, wheel_commands
+from robot_stack.drive.nodes.conversions import DriveTransforms, odometry_message, speed_limit, wheel_commands
 from robot_stack.drive.params import SwerveControllerParams
 from robot_stack.drive.permission import Permission, Situation, permit
 from robot_stack.drive.swerve_drive import DriveOutput
@@ -37,7 +43,9 @@ class SwerveControllerNode(StackNode):
         self._commands = self.advertise(topics.WHEEL_COMMANDS)
         self._limited = self.advertise(topics.CMD_VEL_LIMITED)
         self._odom = self.advertise(topics.ODOM)
-        self._tf = self.advertise(topics.TF)
+        self._tf, self._transforms = self.advertise(topics.TF), DriveTransforms(self.robot)
+        self._description = self.advertise(topics.ROBOT_DESCRIPTION)
+        self._description.publish(String(data=robot_description(self.robot, load_robot_shape())))
         self.subscribe(topics.JOINT_STATES, self._on_joint_states)
         self.subscribe(topics.CMD_VEL, self._on_cmd_vel)
         self.subscribe(topics.DOCKING_CMD_VEL, lambda message: self._on_stamped(Source.DOCKING, message))
@@ -73,7 +81,7 @@ class SwerveControllerNode(StackNode):
         for fault in odometry.faults:
             self.log_throttled(fault)
         self._odom.publish(odometry_message(odometry, message.header.stamp))
-        self._tf.publish(odom_to_base_link(odometry, message.header.stamp))
+        self._tf.publish(self._transforms.message(odometry, measured, message.header.stamp))
 
     def _on_reset_odometry(self, _: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         response.success = self._controller.reset_odometry()

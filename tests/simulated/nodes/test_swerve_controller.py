@@ -7,20 +7,23 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
 import pytest
 from geometry_msgs.msg import TwistStamped
+from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
 
 from custom_msgs.msg import SafetyStatus, SwerveModuleCommandArray, VelocityLimit
 from robot_stack.contract import services, topics
-from robot_stack.contract.frames import JOINTS
+from robot_stack.contract.frames import JOINTS, MODULES, steering_link, wheel_link
 from robot_stack.contract.model import Topic
 from robot_stack.core.geometry import Twist2
 from robot_stack.core.robot import load_robot
 from robot_stack.middleware.conversions import pose_from_msg, time_from_s, time_to_s, twist_to_msg
 from tests.simulated.bench import COMPUTE_S, LATENCY_S, Bench
 from tests.simulated.story import Heard
+from tests.support.urdf import Urdf
 
 RADIUS_M = load_robot().wheel_radius_m
 TICK_S = 0.05
@@ -156,6 +159,30 @@ def test_a_ride_forward(world: World) -> None:
     transform = world.tf.last.transforms[0]
     assert (transform.header.frame_id, transform.child_frame_id) == ("odom", "base_link")
     assert transform.transform.translation.x > 1.5
+
+
+def test_transforms_of_the_modules_are_those_of_the_description(world: World) -> None:
+    """As robot_state_publisher makes them from /robot_description and /joint_states."""
+    text = world.bench.listen(topics.ROBOT_DESCRIPTION).wait().data
+    joints = world.bench.listen(topics.JOINT_STATES)
+    world.navigate(Twist2(0.4, 0.3, 0.5))
+    world.bench.run(2.03)
+    tf = world.tf.last
+    angles = next(m for m in joints.messages if m.header.stamp == tf.transforms[0].header.stamp)
+    assert {t.header.stamp.nanosec for t in tf.transforms} == {angles.header.stamp.nanosec}
+    expected = Urdf(text).link_poses(dict(zip(angles.name, angles.position, strict=True)))
+    poses = {"odom": np.eye(4)}
+    for item in tf.transforms:
+        shift, turn = item.transform.translation, item.transform.rotation
+        step = np.eye(4)
+        step[:3, :3] = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
+        step[:3, 3] = shift.x, shift.y, shift.z
+        poses[item.child_frame_id] = poses[item.header.frame_id] @ step
+    moving = [frame(module) for module in MODULES for frame in (steering_link, wheel_link)]
+    assert sorted(poses) == sorted([*moving, "odom", "base_link"])
+    for link in moving:
+        assert np.linalg.solve(poses["base_link"], poses[link]) == pytest.approx(expected[link], abs=1e-6), link
+    assert max(abs(angle) for angle in angles.position) > 1.0
 
 
 def test_odometry_agrees_with_the_modules_after_a_turn_and_a_sideways_ride(world: World) -> None:
