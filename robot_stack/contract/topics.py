@@ -291,6 +291,24 @@ LOCALIZATION_POSE = Topic(
     rate_hz=10.0,
     stale_s=0.5,
 )
+MAP = Topic(
+    "/map",
+    "nav_msgs/msg/OccupancyGrid",
+    qos.LATCHED,
+    ("ndt_localization",),
+    ("rviz", EXTERNAL),
+    "the site's grid as map_server publishes it, in map: free (0), occupied (100), unknown (-1); once, at the start",
+    sometimes=("ndt_localization",),  # with a map
+)
+MAP_CLOUD = Topic(
+    "/map_cloud",
+    "sensor_msgs/msg/PointCloud2",
+    qos.LATCHED,
+    ("ndt_localization",),
+    ("rviz", EXTERNAL),
+    "the site's map for localization, thinned: one point for each of its cells, in map; once, at the start",
+    sometimes=("ndt_localization",),  # with a map
+)
 INITIAL_POSE = Topic(
     "/initialpose",
     "geometry_msgs/msg/PoseWithCovarianceStamped",

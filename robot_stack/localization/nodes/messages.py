@@ -2,22 +2,44 @@
 
 from __future__ import annotations
 
+from array import array
+
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseWithCovarianceStamped
-from nav_msgs.msg import Odometry
-from sensor_msgs.msg import Imu
+from nav_msgs.msg import OccupancyGrid, Odometry
+from sensor_msgs.msg import Imu, PointCloud2
 
 from robot_stack.contract import frames
 from robot_stack.core.geometry import Pose2
-from robot_stack.core.point_cloud import SWEEP, Points
+from robot_stack.core.point_cloud import SWEEP, Points, points_from_xyz
+from robot_stack.core.site_map import Cells, Grid
 from robot_stack.localization.filter import Array
 from robot_stack.localization.gyro import ImuSample
 from robot_stack.localization.localizer import PLANAR
 from robot_stack.localization.odometry import OdometryReading, Variances
 from robot_stack.middleware.conversions import pose_from_msg, pose_to_msg, time_to_s, twist_from_msg
-from robot_stack.middleware.point_cloud import points_of
+from robot_stack.middleware.point_cloud import cloud_message, points_of
 from robot_stack.middleware.wire import CloudView
+
+
+def map_grid(grid: Grid, stamp: Time) -> OccupancyGrid:
+    message = OccupancyGrid()
+    message.header.frame_id = frames.MAP
+    message.header.stamp = message.info.map_load_time = stamp
+    message.info.resolution = grid.resolution_m
+    message.info.height, message.info.width = grid.occupancy.shape
+    message.info.origin.position.x, message.info.origin.position.y = grid.origin_x_m, grid.origin_y_m
+    message.info.origin.orientation.w = 1.0
+    message.data = array("b", grid.occupancy.tobytes())
+    return message
+
+
+def map_cloud(cells: Cells, stamp: Time) -> PointCloud2:
+    """The mean of each cell's points."""
+    message = cloud_message(points_from_xyz(cells.mean), frames.MAP)
+    message.header.stamp = stamp
+    return message
 
 
 def imu_sample(message: Imu) -> ImuSample:

@@ -1,6 +1,6 @@
 """ndt_localization: estimates the pose in map from /odom, /sensors/imu and, with a map, /sensors/lidar/points.
 
-Publishes /current_pose, /localization/pose, /localization/quality and the transform map -> odom.
+Publishes /current_pose, /localization/pose, /localization/quality, the transform map -> odom, and the map itself.
 """
 
 from __future__ import annotations
@@ -14,13 +14,15 @@ from std_msgs.msg import Float32
 
 from robot_stack.contract import frames, topics
 from robot_stack.core.config import ConfigError
-from robot_stack.core.site_map import load_map
+from robot_stack.core.site_map import SiteMap, load_map
 from robot_stack.localization.localizer import Estimate, Localizer, planar_covariance, usable_covariance
 from robot_stack.localization.map_localizer import MapLocalizer
 from robot_stack.localization.ndt.solver import MatchRequest, MatchResult, SweepSolver
 from robot_stack.localization.nodes.messages import (
     given_pose,
     imu_sample,
+    map_cloud,
+    map_grid,
     odometry_reading,
     pose_with_covariance,
     sweep_of,
@@ -47,11 +49,14 @@ class NdtLocalizationNode(StackNode):
         self.localizer: Localizer
         if self.params.map:
             warm_up()
-            self._solver = self._load_solver()
+            site = load_map(self.params.map)
+            self._solver = self._make_solver(site)
             self.localizer = self._map = MapLocalizer(
                 self.params, motion.max_speed_mps, motion.max_yaw_rate_radps, self._solver.matcher
             )
             self._worker = self.worker("matching")
+            self.advertise(topics.MAP).publish(map_grid(site.grid, self.stamp()))
+            self.advertise(topics.MAP_CLOUD).publish(map_cloud(site.cells, self.stamp()))
         else:
             self.localizer = Localizer(self.params, motion.max_speed_mps, motion.max_yaw_rate_radps)
         self._pose = self.advertise(topics.CURRENT_POSE)
@@ -66,8 +71,7 @@ class NdtLocalizationNode(StackNode):
         self.set_health(False, "waiting for /odom")
         self.every(topics.CURRENT_POSE.nominal_rate_hz, self._tick)
 
-    def _load_solver(self) -> SweepSolver:
-        site = load_map(self.params.map)
+    def _make_solver(self, site: SiteMap) -> SweepSolver:
         try:
             solver = SweepSolver(site.cells, self.params.ndt, self.robot.lidar_xyz_m)
         except ValueError as error:

@@ -15,9 +15,10 @@ from sensor_msgs.msg import Imu, PointCloud2
 
 from robot_stack.contract import topics
 from robot_stack.core.geometry import IDENTITY
-from robot_stack.core.site_map import Grid, SiteMap, save_map
+from robot_stack.core.point_cloud import XYZ, xyz_of
+from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, Grid, SiteMap, save_map
 from robot_stack.middleware.conversions import pose_from_msg, quaternion_to_msg, time_from_s, time_to_s
-from robot_stack.middleware.point_cloud import cloud_message
+from robot_stack.middleware.point_cloud import cloud_message, points_of
 from tests.simulated.bench import COMPUTE_S, JOB_S, LATENCY_S, Bench
 from tests.unit.localization.courtyard import cells, sweep_from
 
@@ -188,6 +189,29 @@ def test_nan_odometry_is_named_and_stops_the_pose(scene: Scene) -> None:
     scene.qualities.wait(lambda message: message.data == 0.0, "quality 0", 0.5 + 2.0 * PERIOD_S)
     assert "/odom pose is not finite" in scene.log()
     assert all(math.isfinite(message.pose.position.x) for message in scene.poses.messages)
+
+
+def test_map_is_published_for_subscribers_that_start_later(bench: Bench, tmp_path: Path) -> None:
+    occupancy = np.full((14, 20), UNKNOWN, np.int8)
+    occupancy[3, 5:9], occupancy[4:10, 2] = FREE, OCCUPIED
+    site = SiteMap("courtyard", cells(), Grid(0.5, -8.0, -6.0, occupancy))
+    save_map(site, tmp_path / "courtyard")
+    Scene(bench, map=str(tmp_path / "courtyard"))
+    bench.run(1.0)
+    grid, cloud = bench.listen(topics.MAP).wait(), bench.listen(topics.MAP_CLOUD).wait()
+    assert (grid.header.frame_id, cloud.header.frame_id) == ("map", "map")
+    assert (grid.info.width, grid.info.height, grid.info.resolution) == (20, 14, 0.5)
+    origin = grid.info.origin
+    assert (origin.position.x, origin.position.y, origin.orientation.w) == (-8.0, -6.0, 1.0)
+    assert np.array_equal(np.reshape(grid.data, (14, 20)), occupancy)  # row 0 at the lowest y, as Nav2 has it
+    assert xyz_of(points_of(cloud, XYZ)) == pytest.approx(site.cells.mean.astype(np.float32))
+
+
+def test_without_a_map_none_is_published(scene: Scene) -> None:
+    grid, cloud = scene.bench.listen(topics.MAP), scene.bench.listen(topics.MAP_CLOUD)
+    scene.bench.run(1.0)
+    assert not grid.messages
+    assert not cloud.messages
 
 
 def test_with_a_map_a_wrong_start_is_corrected_and_a_silent_sensor_lowers_the_quality(
