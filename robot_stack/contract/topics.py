@@ -322,7 +322,7 @@ GOAL_POSE = Topic(
     "/goal_pose",
     "geometry_msgs/msg/PoseStamped",
     qos.COMMAND,
-    ("mission_manager", "touch_ui", TEST_TOOL),
+    ("mission_manager", "touch_ui", "rviz", TEST_TOOL),
     ("navigation_controller",),
     "goal in map, without a result (/navigate_to_pose has one); an empty frame_id ends the goal of any client",
     wakes=("navigation_controller",),
