@@ -34,6 +34,10 @@ def up(
     profile: Profile = "sim",
     settings: Settings = None,
     only: Annotated[list[str] | None, typer.Option("--only", help="Run just this process; may be repeated.")] = None,
+    without: Annotated[
+        list[str] | None,
+        typer.Option(help="Leave out a process that other software replaces; may be repeated."),
+    ] = None,
     speed: Annotated[
         float | None, typer.Option(help="Maximum speed of the simulated world relative to real time.")
     ] = None,
@@ -55,9 +59,18 @@ def up(
     from robot_stack.supervisor import client, progress
     from robot_stack.supervisor.profile import load_plan
 
-    launch = client.Launch(profile, settings or (), only or (), speed, log_dir, system_time)
+    launch = client.Launch(
+        profile, settings or (), only or (), speed, log_dir, system_time, without=tuple(without or ())
+    )
     # Validated here too, to report an error at once.
-    plan = load_plan(profile, settings=launch.settings, only=launch.only, speed=speed, system_time=system_time)
+    plan = load_plan(
+        profile,
+        settings=launch.settings,
+        only=launch.only,
+        without=launch.without,
+        speed=speed,
+        system_time=system_time,
+    )
     try:
         if foreground:
             client.refuse_second()

@@ -33,6 +33,7 @@ def main() -> int:
             options.profile,
             settings=options.set,
             only=options.only,
+            without=options.without,
             speed=options.speed,
             system_time=options.system_time,
         )
@@ -65,6 +66,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--profile", required=True)
     parser.add_argument("--set", action="append", default=[], metavar="NODE.PARAMETER=VALUE")
     parser.add_argument("--only", action="append", default=[], metavar="PROCESS")
+    parser.add_argument("--without", action="append", default=[], metavar="PROCESS")
     parser.add_argument("--speed", type=float)
     parser.add_argument("--system-time", action="store_true")
     parser.add_argument("--log-dir", type=Path, default=logs.default_log_dir())

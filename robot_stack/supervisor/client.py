@@ -50,6 +50,7 @@ class Launch:
     log_dir: Path | None = None
     system_time: bool = False
     home: Path | None = None
+    without: Sequence[str] = ()
 
     def environment(self) -> dict[str, str]:
         """The supervisor's environment: with the ROS wheels on its paths, so that no process starts twice."""
@@ -59,11 +60,12 @@ class Launch:
     def command(self, *options: str) -> list[str]:
         settings = [part for item in self.settings for part in ("--set", item)]
         only = [part for item in self.only for part in ("--only", item)]
+        without = [part for item in self.without for part in ("--without", item)]
         speed = [] if self.speed is None else ["--speed", str(self.speed)]
         folder = ["--log-dir", str(self.log_dir or default_log_dir())]
         supervisor = [sys.executable, "-m", "robot_stack.supervisor", "--profile", self.profile]
         time_source = ["--system-time"] if self.system_time else []
-        return [*supervisor, *settings, *only, *speed, *time_source, *folder, *options]
+        return [*supervisor, *settings, *only, *without, *speed, *time_source, *folder, *options]
 
 
 def refuse_second() -> None:

@@ -107,14 +107,16 @@ def load_plan(
     *,
     settings: Sequence[str] = (),
     only: Sequence[str] = (),
+    without: Sequence[str] = (),
     speed: float | None = None,
     system_time: bool = False,
 ) -> Plan:
     """A profile with the operator's overrides on top.
 
     settings: ``node.parameter=value``, the value in YAML. only: the processes to run, all if empty.
-    speed: speed of the simulated world. system_time: nodes run on the system clock although the world is simulated:
-    then it does not wait for nodes, like the real one.
+    without: processes to leave out, which other software replaces. speed: of the simulated world.
+    system_time: nodes run on the system clock although the world is simulated: then it does not wait for nodes, like
+    the real one.
 
     Raises ConfigError in one line that names file, field and the accepted values.
     """
@@ -123,7 +125,9 @@ def load_plan(
     file = validate(ProfileFile, {**data, "use_sim_time": False} if system_time else data, str(path))
     processes = _processes(file, path)
     built = [process for process in processes if process.available]
-    chosen = _only(built, only) if only else built
+    chosen = _named(built, "--only", only) if only else built
+    left_out = _named(built, "--without", without)
+    chosen = [process for process in chosen if process not in left_out]
     parameters = _parameters(file, settings, processes, path)
     nodes = {node for process in chosen for node in process.nodes}
     _tell_monitors(parameters, chosen)
@@ -201,13 +205,13 @@ def _refuse_shared_nodes(processes: Sequence[Process], path: Path) -> None:
             owner[node] = process.name
 
 
-def _only(built: Sequence[Process], only: Sequence[str]) -> list[Process]:
+def _named(built: Sequence[Process], option: str, wanted: Sequence[str]) -> list[Process]:
     names = [process.name for process in built]
-    unknown = sorted(set(only) - set(names))
+    unknown = sorted(set(wanted) - set(names))
     if unknown:
         known = ", ".join(names)
-        raise ConfigError(f"--only: {', '.join(unknown)}: not a built process of this profile; there are {known}")
-    return [process for process in built if process.name in only]
+        raise ConfigError(f"{option}: {', '.join(unknown)}: not a built process of this profile; there are {known}")
+    return [process for process in built if process.name in wanted]
 
 
 def _parameters(

@@ -140,6 +140,16 @@ def test_only_narrows_the_plan(tmp_path: Path) -> None:
     assert set(plan.parameters) <= {"swerve_controller"}
 
 
+def test_without_leaves_processes_out_and_monitors_do_not_expect_them() -> None:
+    left_out = ["navigation_controller", "costmap_server"]
+    plan = load_plan("sim", without=left_out)
+    names = {process.name for process in plan.processes}
+    assert {process.name for process in load_plan("sim").processes} - names == set(left_out)
+    assert not set(plan.parameters["safety_monitor"]["expected_processes"]) & set(left_out)
+    with pytest.raises(ConfigError, match="--without: nobody: not a built process of this profile"):
+        load_plan("sim", without=["nobody"])
+
+
 def test_monitors_get_all_other_processes_as_expected_processes() -> None:
     plan = load_plan("sim")
     names = [process.name for process in plan.processes]
