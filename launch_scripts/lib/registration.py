@@ -27,7 +27,7 @@ def sources(root: Path) -> list[Path]:
 
 
 def register(root: Path, prefix: Path, variables: dict[str, str]) -> None:
-    """Writes index entries, package.xml, the link to config/ and the launchers.
+    """Writes index entries, package.xml, the links to config/ and launch files, and the launchers.
 
     Args:
         variables: environment of the node processes, as robot_stack.core.wheels_env gives it for an empty environment.
@@ -38,6 +38,7 @@ def register(root: Path, prefix: Path, variables: dict[str, str]) -> None:
     replace_file(index / "package_run_dependencies" / PACKAGE, ";".join(run_dependencies(manifest)))
     replace_file(prefix / "share" / PACKAGE / "package.xml", manifest.read_text())
     _link(prefix / "share" / PACKAGE / "config", root / "config")
+    _link(prefix / "share" / PACKAGE / "launch", root / "launch_scripts/launch")
     _write_launchers(prefix, node_names(prefix), variables)
 
 

@@ -89,6 +89,9 @@ print(robot_stack.__file__, sim.__file__, config_dir())
     (files,) = run_in(workspace, program)
 
     assert all(Path(file).is_relative_to(workspace / "install" / "robot_stack") for file in files.split())
+    share = workspace / "install" / "robot_stack" / "share" / "robot_stack"
+    launch_files = {path.name for path in (ROOT / "launch_scripts" / "launch").glob("*.launch.py")}
+    assert {path.name for path in (share / "launch").glob("*.launch.py")} == launch_files
 
 
 @pytest.mark.slow
