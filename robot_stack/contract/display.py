@@ -1,6 +1,8 @@
-"""The states of the external display."""
+"""The states and languages of the external display."""
 
 from enum import IntEnum
+
+LANGUAGES = ("en", "ja", "zh")  # EHMIState.language, /ui/language
 
 
 class Display(IntEnum):

@@ -635,6 +635,15 @@ UI_COMMAND = Topic(
     "START_MISSION, PAUSE, RESUME, ABORT, EMERGENCY_STOP",
     wakes=("mission_manager",),
 )
+UI_LANGUAGE = Topic(
+    "/ui/language",
+    "std_msgs/msg/String",
+    qos.LATCHED,
+    ("touch_ui",),
+    ("mission_manager",),
+    "the rider's language, en, ja or zh, after a choice or a start on a rider page: for mission names and the external "
+    "display",
+)
 MISSION_STATUS = Topic(
     "/mission/status",
     "custom_msgs/msg/MissionStatus",

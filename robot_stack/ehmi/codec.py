@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from enum import Enum
 from functools import reduce
 
-from robot_stack.contract.display import Display
+from robot_stack.contract.display import LANGUAGES, Display
 
-LANGUAGES = ("en", "ja", "zh")
 HIGHEST_VOLUME = 10
 STATES = frozenset(map(int, Display))
 LONGEST_LINE = 80  # bytes with checksum; as in NMEA 0183 a line that is longer is none

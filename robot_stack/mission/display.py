@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections import deque
 from dataclasses import dataclass
 
-from robot_stack.contract.display import Display
+from robot_stack.contract.display import LANGUAGES, Display
 from robot_stack.contract.states import ALIGNING, DOCKING, DockingState
 from robot_stack.core.mission import Kind
 from robot_stack.mission.docking import Task
@@ -16,6 +16,11 @@ from robot_stack.mission.events import Inputs
 from robot_stack.mission.guards import stopping_faults
 from robot_stack.mission.record import Record
 from robot_stack.mission.states import AT_DOCK, UNDER_WAY, State
+
+
+def usable_language(requested: str, current: str) -> str:
+    """``requested``, or ``current`` if the display does not have it."""
+    return requested if requested in LANGUAGES else current
 
 
 @dataclass(frozen=True, slots=True)

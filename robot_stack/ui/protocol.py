@@ -102,6 +102,13 @@ class Ride(Message):
     t: Literal["pause", "resume", "abort"]
 
 
+class Language(Message):
+    """The rider's language, for the external display: after a choice on a rider page, and before its start."""
+
+    t: Literal["language"]
+    code: Literal["en", "ja", "zh"]
+
+
 class Login(Message):
     t: Literal["login"]
     pin: Pin
@@ -196,6 +203,7 @@ ClientMessage = Annotated[
     | ClearStop
     | Start
     | Ride
+    | Language
     | Login
     | Logout
     | Pad

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from robot_stack.contract.display import LANGUAGES
 from robot_stack.core.config import load
 from robot_stack.ehmi import codec
 from robot_stack.ehmi.codec import Decoder
@@ -141,7 +142,7 @@ def _corrupt_frames(count: int, seed: int) -> int:
     random = np.random.default_rng(seed)
     commands = [
         *(codec.state_command(state) for state in _STATES),
-        *(codec.language_command(language) for language in codec.LANGUAGES),
+        *(codec.language_command(language) for language in LANGUAGES),
         *(codec.volume_command(volume) for volume in range(codec.HIGHEST_VOLUME + 1)),
     ]
     accepted = 0

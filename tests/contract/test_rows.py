@@ -234,6 +234,7 @@ ROBOT = (
 ADDITIONS = (
     Documented("/tf", "tf2_msgs/msg/TFMessage", R, VOLATILE, 100, None, ("ndt_localization", "swerve_controller")),
     Documented("/robot_description", "std_msgs/msg/String", R, LATCHED, 1, None, ("swerve_controller",), ("rviz",)),
+    Documented("/ui/language", "std_msgs/msg/String", R, LATCHED, 1, None, ("touch_ui",), ("mission_manager",)),
     Documented("/map", "nav_msgs/msg/OccupancyGrid", R, LATCHED, 1, None, ("ndt_localization",), ("rviz",)),
     Documented("/map_cloud", "sensor_msgs/msg/PointCloud2", R, LATCHED, 1, None, ("ndt_localization",), ("rviz",)),
     Documented("/tf_static", "tf2_msgs/msg/TFMessage", R, LATCHED, 1, None, ("imu_driver",)),

@@ -7,6 +7,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from robot_stack.contract import topics
+from robot_stack.contract.display import Display
+from robot_stack.core.display_patterns import load_patterns
+from robot_stack.core.mission_library import mission_library
 from tests.simulated.stage import Stage, staged
 from tests.simulated.story import Text
 
@@ -95,6 +99,28 @@ def test_a_ride_is_started_paused_stopped_released_and_finished() -> None:
         person.say(t="resume")
         stage.wait_mission("COMPLETED", 60.0)
         stage.wait_stands()
+
+
+def test_external_display_and_mission_name_follow_the_language_of_the_rider() -> None:
+    patterns = load_patterns()
+    with _screen() as (stage, person):
+        shown, status = stage.listen(topics.SIM_EHMI_DISPLAY), stage.listen(topics.MISSION_STATUS)
+
+        def wait_text(display: Display, language: str) -> None:
+            text = patterns.states[display].text.get(language)
+            expected = {"state": display, "language": language, "text": text}
+            shown.wait(lambda message: expected.items() <= json.loads(message.data).items(), str(expected))
+
+        wait_text(Display.IDLE, "ja")  # config/mission_manager.yaml
+        person.say(t="language", code="zh")
+        wait_text(Display.IDLE, "zh")
+        person.say(t="start", mission="short_hop")
+        name = mission_library().find("short_hop").name
+        status.wait(lambda message: message.mission_name == name.zh, "the mission's name in Chinese")
+        wait_text(Display.NAVIGATING, "zh")
+        person.say(t="language", code="en")
+        wait_text(Display.NAVIGATING, "en")
+        status.wait(lambda message: message.mission_name == name.en, "the mission's name in English")
 
 
 def test_staff_drive_by_hand_and_the_robot_stops_when_the_finger_lifts() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from sensor_msgs.msg import BatteryState
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, String
 
 from custom_msgs.msg import UICommand
 from robot_stack.contract import topics
@@ -56,6 +56,7 @@ class MissionManagerNode(StackNode):
         self._performer = Performer(self._kernel, self._journal, self._outputs)
         self._performer.start_up(self._inputs(), self.steady_s())
         self.subscribe(topics.UI_COMMAND, self._on_command)
+        self.subscribe(topics.UI_LANGUAGE, self._on_language)
         self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
         self.every(self.params.tick_rate_hz, self._tick)
 
@@ -71,6 +72,9 @@ class MissionManagerNode(StackNode):
             return ev.Command(ev.START_MISSION, self._library.find(mission_id))
         except MissionError as error:
             return ev.Command(ev.START_MISSION, problem=str(error))
+
+    def _on_language(self, message: String) -> None:
+        self._outputs.set_language(message.data)
 
     def _on_passenger(self, message: Bool) -> None:
         self._handle(ev.PassengerChanged(message.data))

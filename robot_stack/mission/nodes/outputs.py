@@ -11,6 +11,7 @@ from robot_stack.core.mission import Kind
 from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.navigation_client import NavigationClient
 from robot_stack.middleware.node import StackNode
+from robot_stack.mission.display import usable_language
 from robot_stack.mission.events import Status
 from robot_stack.mission.nodes.docking_client import DockingClient
 from robot_stack.mission.params import MissionParams
@@ -33,6 +34,7 @@ class MissionOutputs:
         self._goal = node.advertise(topics.GOAL_POSE)
         self._stop = node.emergency_stop_source(until_latched=True)
         self._ehmi = node.advertise(topics.EHMI_STATE_COMMAND)
+        self._language: str = params.language
         self._displays = 0
         self._display: int | None = None
         self.reason = ""
@@ -68,7 +70,7 @@ class MissionOutputs:
         message = MissionStatus(
             state=status.state,
             mission_id=status.mission.id if status.mission else "",
-            mission_name=status.mission.name_in(self._params.language) if status.mission else "",
+            mission_name=status.mission.name_in(self._language) if status.mission else "",
             current_waypoint=status.current_waypoint,
             waypoints_completed=status.waypoints_completed,
             total_waypoints=status.total_waypoints,
@@ -85,10 +87,16 @@ class MissionOutputs:
         if status.display != self._display:
             self.show(status.display)
 
+    def set_language(self, requested: str) -> None:
+        """Of the external display, at once, and of mission names. An unknown one is ignored."""
+        before, self._language = self._language, usable_language(requested, self._language)
+        if self._language != before and self._display is not None:
+            self.show(self._display)
+
     def show(self, display: int) -> None:
         """On the external display."""
         self._display = display
-        message = EHMIState(state_num=display, language=self._params.language, volume=self._params.ehmi_volume)
+        message = EHMIState(state_num=display, language=self._language, volume=self._params.ehmi_volume)
         message.header.stamp = self._node.stamp()
         self._ehmi.publish(message)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 
 from custom_msgs.msg import UICommand
 from robot_stack.contract import frames, topics
@@ -21,6 +21,7 @@ class Outputs:
         self._node = node
         self._stop = node.emergency_stop_source()
         self._command = node.advertise(topics.UI_COMMAND)
+        self._language = node.advertise(topics.UI_LANGUAGE)
         self._teleop = node.advertise(topics.TELEOP_CMD_VEL)
         self._pose = node.advertise(topics.INITIAL_POSE)
         self._goal = node.advertise(topics.GOAL_POSE)
@@ -42,6 +43,9 @@ class Outputs:
         message = UICommand(command_type=command_type, mission_id=mission_id)
         message.header.stamp = self._node.stamp()
         self._command.publish(message)
+
+    def set_language(self, code: str) -> None:
+        self._language.publish(String(data=code))
 
     def set_pose(self, pose: Pose2) -> None:
         message = PoseWithCovarianceStamped()

@@ -57,6 +57,8 @@ class PageCommands:
                 self._outputs.command("START_MISSION", message.mission)
             case p.Ride():
                 self._outputs.command(_RIDE_COMMANDS[message.t])
+            case p.Language():
+                self._outputs.set_language(message.code)
             case p.Pose():
                 self._outputs.set_pose(Pose2(message.x, message.y, message.yaw))
             case p.Goal():

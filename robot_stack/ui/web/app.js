@@ -7,7 +7,13 @@ import { RiderPage } from "/pages/rider.js";
 import { PinDialog, StaffPages } from "/pages/staff.js";
 import { applySettings } from "/pages/settings.js";
 
-function TopBar({ state, page, setPage, change }) {
+// A rider's choice is also for the external display; staff change their own page only.
+function chooseLanguage(code, link, page) {
+  setLanguage(code);
+  if (page === "rider") link.send({ t: "language", code });
+}
+
+function TopBar({ link, state, page, setPage, change }) {
   const percent = state.battery?.percent;
   return html`<header>
     <h1>${t("app.title")}</h1>
@@ -17,7 +23,7 @@ function TopBar({ state, page, setPage, change }) {
     <div class="languages" role="group" aria-label=${t("app.language")}>
       ${LANGUAGES.map(([code, name]) => html`
         <button lang=${code === "zh" ? "zh-Hans" : code} aria-pressed=${languageNow() === code}
-          onClick=${() => { setLanguage(code); change(); }}>${name}</button>`)}
+          onClick=${() => { chooseLanguage(code, link, page); change(); }}>${name}</button>`)}
     </div>
     <button class="plain" id="to-staff" onClick=${() => setPage(page === "rider" ? "staff" : "rider")}>
       ${page === "rider" ? t("app.staff") : t("app.to_rider")}
@@ -77,7 +83,7 @@ function App({ link, listen }) {
   const leave = () => { setPage("rider"); link.show([]); };
   const choose = (next) => (next === "rider" ? leave() : setPage(next));
   return html`<div class="frame">
-    <${TopBar} state=${state} page=${page} setPage=${choose} change=${change} />
+    <${TopBar} link=${link} state=${state} page=${page} setPage=${choose} change=${change} />
     <main class=${link.lost ? "behind" : ""} inert=${link.lost}>
       ${page === "rider" || (link.lost && !staff)
         ? html`<${RiderPage} link=${link} state=${state} say=${say} />`

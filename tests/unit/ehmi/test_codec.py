@@ -6,12 +6,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from robot_stack.contract.display import LANGUAGES
 from robot_stack.ehmi import codec
 from robot_stack.ehmi.codec import Command, Decoder, Fault, Kind, Ok, Ready, Refused
 
 COMMANDS = [
     *(codec.state_command(state) for state in sorted(codec.STATES)),
-    *(codec.language_command(language) for language in codec.LANGUAGES),
+    *(codec.language_command(language) for language in LANGUAGES),
     *(codec.volume_command(volume) for volume in range(codec.HIGHEST_VOLUME + 1)),
     codec.PING,
 ]

@@ -8,7 +8,7 @@ from typing import get_args
 import pytest
 from pydantic import ValidationError
 
-from robot_stack.contract.display import Display
+from robot_stack.contract.display import LANGUAGES, Display
 from robot_stack.core import display_patterns as patterns
 from robot_stack.core import display_picture as picture
 from robot_stack.core.config import config_dir, read_yaml
@@ -158,7 +158,7 @@ def test_an_incomplete_table_is_refused():
 # --- pictures --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("language", codec.LANGUAGES)
+@pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("state", sorted(PATTERNS.states))
 def test_picture_is_well_formed_svg_with_text_of_state(state, language):
     text = PATTERNS.states[state].text.get(language)

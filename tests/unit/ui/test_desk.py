@@ -33,7 +33,7 @@ def desk(params: TouchUiParams) -> d.Desk:
     return desk
 
 
-RIDERS_MAY = ("alive", "stop", "start", "pause", "resume", "abort", "login", "logout", "ready", "lift")
+RIDERS_MAY = ("alive", "stop", "start", "pause", "resume", "abort", "language", "login", "logout", "ready", "lift")
 
 
 @pytest.mark.parametrize("fields", [fields for fields, _ in GOOD], ids=lambda fields: fields["t"])

@@ -127,6 +127,7 @@ function BlockedBy({ state }) {
 
 function Departure({ link, state, say, mission, back }) {
   const start = async () => {
+    link.send({ t: "language", code: languageNow() });
     const answer = await link.ask({ t: "start", mission: mission.id });
     if (!answer.ok) say(answer);
     back();
