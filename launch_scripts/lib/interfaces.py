@@ -1,7 +1,6 @@
 """Builds the interface packages (messages, services, actions) into the environment's prefix, as colcon would."""
 
 import os
-import sys
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
@@ -9,25 +8,11 @@ from pathlib import Path
 from steps import run_logged
 
 PACKAGES = ("custom_msgs", "wmx_ros2_message", "control_msgs", "nav2_msgs", "tf2_msgs")
-PROVIDED_UPSTREAM = ("control_msgs", "nav2_msgs", "tf2_msgs")
 PROJECT_INCLUDE = Path(__file__).with_name("interface_build.cmake")
 
 
 def sources(package: Path) -> list[Path]:
     return sorted(path for path in package.rglob("*") if path.is_file())
-
-
-def needed(root: Path, prefix: Path) -> list[Path]:
-    """The packages to build: all but those a sourced ROS 2 installation already has for this version of Python."""
-    entries = [Path(entry) for entry in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if entry]
-    underlays = [entry for entry in entries if entry.resolve() != prefix.resolve()]
-    python = f"python{sys.version_info.major}.{sys.version_info.minor}"
-    folders = [f"{lib}/{python}/{kind}-packages" for lib in ("lib", "local/lib") for kind in ("site", "dist")]
-
-    def installed(name: str) -> bool:
-        return any((underlay / folder / name / "__init__.py").exists() for underlay in underlays for folder in folders)
-
-    return [root / name for name in PACKAGES if not (name in PROVIDED_UPSTREAM and installed(name))]
 
 
 def build_all(packages: Iterable[Path], prefix: Path, environment: dict[str, str]) -> Iterator[Path]:

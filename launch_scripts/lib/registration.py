@@ -4,6 +4,7 @@ import os
 import shlex
 import shutil
 import subprocess
+import sysconfig
 import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
@@ -17,21 +18,31 @@ _LAUNCHER = """#!/bin/sh
 exec {python} -m robot_stack.ros.main {node} "$@"
 """
 _SEARCH_PATHS = ("LD_LIBRARY_PATH", "AMENT_PREFIX_PATH")
+_HOOK = Path(__file__).with_name("underlay.py")
+# Hooks run in the order of their names: this one before that of the wheels, ros_wheels_bootstrapper.
+_HOOK_NAME = "robot_stack_underlay"
 
 
 def sources(root: Path) -> list[Path]:
     """Files a change of which calls for a new registration."""
     here = Path(__file__)
     contract = root / PACKAGE / "contract"
-    return [here, root / PACKAGE / "package.xml", root / PACKAGE / "core/wheels_env.py", *sorted(contract.glob("*.py"))]
+    return [
+        here,
+        _HOOK,
+        root / PACKAGE / "package.xml",
+        root / PACKAGE / "core/wheels_env.py",
+        *sorted(contract.glob("*.py")),
+    ]
 
 
 def register(root: Path, prefix: Path, variables: dict[str, str]) -> None:
-    """Writes index entries, package.xml, the links to config/ and launch files, and the launchers.
+    """Writes index entries, package.xml, the links to config/ and launch files, the start-up hook, and the launchers.
 
     Args:
         variables: environment of the node processes, as robot_stack.core.wheels_env gives it for an empty environment.
     """
+    _install_hook(prefix)
     index = prefix / "share/ament_index/resource_index"
     manifest = root / PACKAGE / "package.xml"
     replace_file(index / "packages" / PACKAGE, "")
@@ -40,6 +51,12 @@ def register(root: Path, prefix: Path, variables: dict[str, str]) -> None:
     _link(prefix / "share" / PACKAGE / "config", root / "config")
     _link(prefix / "share" / PACKAGE / "launch", root / "launch_scripts/launch")
     _write_launchers(prefix, node_names(prefix), variables)
+
+
+def _install_hook(prefix: Path) -> None:
+    site = Path(sysconfig.get_path("purelib", vars={"base": str(prefix)}))
+    replace_file(site / f"{_HOOK_NAME}.py", _HOOK.read_text())
+    replace_file(site / f"{_HOOK_NAME}.pth", f"import {_HOOK_NAME}\n")
 
 
 def run_dependencies(manifest: Path) -> list[str]:

@@ -26,6 +26,8 @@ OWN = ("robot_stack", "sim")  # import packages of the project
 
 def main() -> int:
     started = time.monotonic()
+    for name in _FOREIGN:
+        os.environ.pop(name, None)
     with_lock = os.open(ROOT, os.O_RDONLY)  # one set-up at a time, also when tests and a demo call it at once
     fcntl.flock(with_lock, fcntl.LOCK_EX)
     try:
@@ -52,10 +54,8 @@ def set_up() -> int:
     library = ROOT / "launch_scripts/lib"
     programs = (library / "interfaces.py", library / "generate_interfaces.py")
     toolchain = digest(packages, programs, sorted(library.glob("*.cmake")))
-    due = {
-        package: digest(toolchain, str(package), interfaces.sources(package))
-        for package in interfaces.needed(ROOT, PREFIX)
-    }
+    packages_of_interfaces = [ROOT / name for name in interfaces.PACKAGES]
+    due = {package: digest(toolchain, str(package), interfaces.sources(package)) for package in packages_of_interfaces}
     build_interfaces(steps, due)
 
     nodes = digest(packages, str(ROOT), registration.sources(ROOT))
@@ -159,15 +159,14 @@ def build_interfaces(steps: Steps, due: dict[Path, str]) -> None:
 
 
 def build_environment() -> dict[str, str]:
-    """The wheels' environment alone: a sourced ROS installation must not mix into a build against the wheels."""
-    clean = {key: value for key, value in os.environ.items() if key not in _FOREIGN}
     return {
-        **clean,
-        **wheels_env().ros_environment(PREFIX, clean),
-        "PATH": f"{PREFIX / 'bin'}{os.pathsep}{clean.get('PATH', '')}",
+        **os.environ,
+        **wheels_env().ros_environment(PREFIX),
+        "PATH": f"{PREFIX / 'bin'}{os.pathsep}{os.environ.get('PATH', '')}",
     }
 
 
+# A sourced ROS installation must not mix into packages, into builds against the wheels, or into what runs here.
 _FOREIGN = {
     "AMENT_PREFIX_PATH",
     "CMAKE_PREFIX_PATH",

@@ -1,9 +1,8 @@
-"""Which interface packages are built, and which changes trigger a build."""
+"""Which changes of an interface package trigger a build."""
 
 from __future__ import annotations
 
 import importlib
-import sys
 from pathlib import Path
 from types import ModuleType
 
@@ -14,56 +13,9 @@ LIBRARY = ROOT / "launch_scripts/lib"
 
 
 @pytest.fixture
-def interfaces(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
-    monkeypatch.syspath_prepend(str(LIBRARY))
-    return importlib.import_module("interfaces")
-
-
-@pytest.fixture
 def steps(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     monkeypatch.syspath_prepend(str(LIBRARY))
     return importlib.import_module("steps")
-
-
-def install(underlay: Path, name: str, python: str) -> None:
-    package = underlay / "lib" / python / "site-packages" / name
-    package.mkdir(parents=True)
-    (package / "__init__.py").touch()
-
-
-def names(packages: list[Path]) -> list[str]:
-    return [package.name for package in packages]
-
-
-def test_all_are_built_without_an_installed_ros(
-    interfaces: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
-
-    everything = ["custom_msgs", "wmx_ros2_message", "control_msgs", "nav2_msgs", "tf2_msgs"]
-    assert names(interfaces.needed(ROOT, tmp_path)) == everything
-
-
-def test_upstream_packages_of_an_installed_ros_are_not_built_again(
-    interfaces: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    python = f"python{sys.version_info.major}.{sys.version_info.minor}"
-    for name in ("control_msgs", "custom_msgs"):
-        install(tmp_path / "ros", name, python)
-    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "ros"))
-
-    assert names(interfaces.needed(ROOT, tmp_path)) == ["custom_msgs", "wmx_ros2_message", "nav2_msgs", "tf2_msgs"]
-
-
-def test_packages_of_another_python_or_of_the_environment_itself_do_not_count(
-    interfaces: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    install(tmp_path / "ros", "control_msgs", "python3.8")
-    install(tmp_path / "own", "tf2_msgs", f"python{sys.version_info.major}.{sys.version_info.minor}")
-    monkeypatch.setenv("AMENT_PREFIX_PATH", f"{tmp_path / 'ros'}:{tmp_path / 'own'}")
-
-    assert "control_msgs" in names(interfaces.needed(ROOT, tmp_path / "own"))
-    assert "tf2_msgs" in names(interfaces.needed(ROOT, tmp_path / "own"))
 
 
 def test_any_change_of_a_definition_is_a_change(steps: ModuleType, tmp_path: Path) -> None:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.support.sourced import source
+
 ROOT = Path(__file__).resolve().parents[2]
 SCRIPTS = ROOT / "launch_scripts"
 LOCK = ROOT / "requirements.lock"
@@ -46,9 +48,9 @@ def declared_dependencies() -> set[str]:
     return {re.sub(r"[-_.]+", "-", name).lower() for name in names}
 
 
-def test_second_run_has_nothing_to_do() -> None:
+def test_second_run_has_nothing_to_do_also_beside_a_sourced_ros(tmp_path: Path) -> None:
     assert run_setup().returncode == 0
-    again = run_setup()
+    again = run_setup(**source(tmp_path / "ros", os.environ))
 
     assert again.returncode == 0
     assert "nothing to do" in again.stdout
