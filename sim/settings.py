@@ -37,6 +37,7 @@ def world_settings(world: str) -> list[str]:
         f'ndt_localization.map="{name}"',
         f'navigation_controller.map="{name}"',
         f'touch_ui.pages.map="{name}"',
+        f'black_box.map="{name}"',
     ]
 
 

@@ -9,6 +9,7 @@ from robot_stack.cli.arm import arm
 from robot_stack.cli.calibrate import calibrate
 from robot_stack.cli.coverage import coverage
 from robot_stack.cli.docking import docking
+from robot_stack.cli.events import events
 from robot_stack.cli.film import film
 from robot_stack.cli.map import maps
 from robot_stack.cli.mission import mission
@@ -30,6 +31,7 @@ app.command()(stack.restart)
 app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})(stack.run)
 app.add_typer(mission, name="mission")
 app.add_typer(docking, name="docking")
+app.add_typer(events, name="events")
 app.add_typer(arm, name="arm")
 app.add_typer(calibrate, name="calibrate")
 app.add_typer(maps, name="map")

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from robot_stack.contract.model import EVERY_NODE, Topic
 
-# Subscribes to every row, and is therefore in the subscribers of none.
-RECORDER = "recorder"
+# They subscribe to every row, and are therefore in the subscribers of none.
+RECORDERS = ("recorder", "black_box")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +49,7 @@ def lacking(row: Topic, seen: Endpoints, nodes: Collection[str]) -> tuple[str, .
 def strangers(row: Topic, seen: Endpoints, nodes: Collection[str]) -> tuple[str, ...]:
     """Nodes of the stack with an endpoint that the row does not list, in words. Tools may subscribe to everything."""
     publishers = seen.publishers - set(row.publishers)
-    subscribers = (seen.subscribers - {*row.subscribers, RECORDER}) & set(nodes)
+    subscribers = (seen.subscribers - {*row.subscribers, *RECORDERS}) & set(nodes)
     return (
         *(f"published by {name}" for name in sorted(publishers) if EVERY_NODE not in row.publishers),
         *(f"subscribed to by {name}" for name in sorted(subscribers) if EVERY_NODE not in row.subscribers),

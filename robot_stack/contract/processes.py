@@ -63,6 +63,12 @@ PROCESSES: tuple[Process, ...] = (
     _process("mission_manager", "robot_stack.mission.nodes.mission_manager", _LIMITING, "missions from UI commands"),
     _process("recorder", "robot_stack.recording.nodes.recorder", _OPTIONAL, "every contract topic into MCAP"),
     _process(
+        "black_box",
+        "robot_stack.recording.nodes.black_box",
+        _OPTIONAL,
+        "the last minute of every contract topic on the disk, and events that are kept",
+    ),
+    _process(
         "lidar_driver",
         "sim.nodes.lidar_driver",
         _CRITICAL,

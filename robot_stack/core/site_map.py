@@ -83,6 +83,15 @@ def map_folder(name: str) -> Path:
     return folder
 
 
+def map_checksum(name: str) -> str:
+    """SHA-256 of map.yaml, which contains those of the other files. Raises ConfigError."""
+    path = map_folder(name) / _ABOUT
+    try:
+        return _digest(path)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror or error}") from error
+
+
 def load_map(name: str) -> SiteMap:
     """Reads and verifies a map. Raises ConfigError naming the file that is missing, damaged or changed."""
     folder = map_folder(name)

@@ -16,7 +16,7 @@ from std_msgs.msg import Bool
 
 from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import topics
-from robot_stack.contract.graph import RECORDER
+from robot_stack.contract.graph import RECORDERS
 from robot_stack.contract.model import EVERY_NODE, Action, ContractViolation, SafetyState, Service, System, Topic
 from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.health import InputHealth, InputState
@@ -105,12 +105,12 @@ class StackNode:
     def listen(
         self, row: Topic, callback: Callable[[Any, int, int], None], *, raw: bool = True, wakes: bool = False
     ) -> Subscription:
-        """Subscribes to every message of any row; only the recorder may do so.
+        """Subscribes to every message of any row; only the recorder and the black box may do so.
 
         callback: see ``Port.listen``. raw: messages as the bytes received. wakes: messages wake the node;
         otherwise it reads them at its next tick. Raises ContractViolation.
         """
-        self._check(row.name, "listen to", (RECORDER,))
+        self._check(row.name, "listen to", RECORDERS)
         return self.port.listen(row, callback, raw=raw, wakes=wakes)
 
     def unsubscribe(self, entry: Input) -> None:

@@ -7,10 +7,24 @@ import threading
 from collections import deque
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 from mcap.exceptions import McapError
 
-from robot_stack.recording.writer import BagWriter
+
+class Bag(Protocol):
+    """What a thread may write into: ``BagWriter``, ``BlackBox``."""
+
+    @property
+    def path(self) -> Path: ...
+
+    def write(self, topic: str, log_ns: int, publish_ns: int, data: bytes) -> None: ...
+
+    def flush(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def abandon(self) -> None: ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,15 +50,19 @@ def disk_use(folder: Path) -> float:
     return 1.0 - disk.f_bavail / disk.f_blocks if disk.f_blocks else 1.0
 
 
+def bytes_over(folder: Path, max_disk_use: float) -> float:
+    """Bytes by which the disk under ``folder`` is fuller than ``max_disk_use``, negative with room. Raises OSError."""
+    disk = os.statvfs(folder)
+    return (disk_use(folder) - max_disk_use) * disk.f_blocks * disk.f_frsize
+
+
 class BackgroundWriter:
     """Accepts messages without blocking; one thread writes them, flushes, and monitors the disk.
 
     max_disk_use: share of the disk in use at which writing ends; the recording is completed and ``problem`` is set.
     """
 
-    def __init__(
-        self, bag: BagWriter, folder: Path, *, flush_period_s: float, max_disk_use: float, queue_bytes: int
-    ) -> None:
+    def __init__(self, bag: Bag, folder: Path, *, flush_period_s: float, max_disk_use: float, queue_bytes: int) -> None:
         self._bag = bag
         self._folder = folder
         self._flush_period_s = flush_period_s

@@ -1,13 +1,15 @@
-"""Prepares a new recording: checks the disk space and completes recordings of an earlier recorder."""
+"""Opens a recording or the black box: checks the disk space and completes recordings of an earlier recorder."""
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 from robot_stack.contract.model import Topic
 from robot_stack.core.config import ConfigError
 from robot_stack.recording.background import BackgroundWriter, disk_use
-from robot_stack.recording.params import RecorderParams
+from robot_stack.recording.black_box_files import BlackBox, Clocks, Provenance
+from robot_stack.recording.params import BlackBoxParams, RecorderParams
 from robot_stack.recording.recovery import recover_all
 from robot_stack.recording.writer import BagWriter, Format, topic_info
 
@@ -55,3 +57,28 @@ def open_recording(folder: Path, rows: list[Topic], params: RecorderParams) -> B
         max_disk_use=params.max_disk_use,
         queue_bytes=round(params.queue_mb * 1e6),
     )
+
+
+def open_black_box(
+    folder: Path, rows: list[Topic], params: BlackBoxParams, kept: Provenance, clocks: Clocks
+) -> tuple[BlackBox, BackgroundWriter]:
+    """The black box and the thread that writes it. Raises ConfigError if the folder cannot be made."""
+    box = make_black_box(folder, rows, params, kept, clocks)
+    # The black box gives room by itself and never ends because of a full disk.
+    return box, BackgroundWriter(
+        box,
+        folder,
+        flush_period_s=params.flush_period_s,
+        max_disk_use=math.inf,
+        queue_bytes=round(params.queue_mb * 1e6),
+    )
+
+
+def make_black_box(
+    folder: Path, rows: list[Topic], params: BlackBoxParams, kept: Provenance, clocks: Clocks
+) -> BlackBox:
+    """Raises ConfigError if the folder cannot be made."""
+    try:
+        return BlackBox(folder, [topic_info(row) for row in rows], params, kept, clocks)
+    except OSError as error:
+        raise ConfigError(f"black_box: {folder} cannot be used: {error.strerror or error}") from error

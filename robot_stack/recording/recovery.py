@@ -113,7 +113,7 @@ def recover_folder(folder: Path) -> list[str]:
             done.append(str(error))
     whole = [name for name in names if is_complete(folder / name)]
     if done or not (folder / metadata.METADATA_FILE).exists():
-        _rebuild_metadata(folder, whole)
+        rebuild_metadata(folder, whole)
     return done
 
 
@@ -340,7 +340,8 @@ def _statistics(found: _Found) -> Statistics:
     )
 
 
-def _rebuild_metadata(folder: Path, names: list[str]) -> None:
+def rebuild_metadata(folder: Path, names: list[str]) -> None:
+    """Writes ``metadata.yaml`` for these complete files, in their order. Raises OSError, McapError."""
     files: list[FileInfo] = []
     topics: dict[str, TopicInfo] = {}
     for name in names:

@@ -7,20 +7,23 @@ from fnmatch import fnmatchcase
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
 from robot_stack.core.config import ConfigError
-from robot_stack.recording.params import RecorderParams
+from robot_stack.recording.params import SelectionParams
 
 
-def selected(params: RecorderParams) -> list[Topic]:
-    """The rows to record. Raises ConfigError for a pattern that fits no topic, and if none is left."""
+def selected(params: SelectionParams, node: str = "recorder") -> list[Topic]:
+    """The rows to record, by the parameters of ``node``.
+
+    Raises ConfigError for a pattern that fits no topic, and if none is left.
+    """
     rows = topics.of_system(*params.systems)
     # Topics of another machine may be excluded here as well.
     for field, known in (("include", rows), ("exclude", topics.TOPICS)):
         for pattern in getattr(params, field):
             if not any(fnmatchcase(row.name, pattern) for row in known):
-                raise ConfigError(f"recorder: {field}: {pattern!r} fits no topic of the contract")
+                raise ConfigError(f"{node}: {field}: {pattern!r} fits no topic of the contract")
     chosen = [row for row in rows if _fits(row, params.include) and not _fits(row, params.exclude)]
     if not chosen:
-        raise ConfigError("recorder: include and exclude leave no topic to record")
+        raise ConfigError(f"{node}: include and exclude leave no topic to record")
     return chosen
 
 

@@ -42,6 +42,11 @@ def topic_info(row: Topic) -> TopicInfo:
     return TopicInfo(row.name, row.type, type_hash(row.type), metadata.offered_qos(row.qos))
 
 
+def definitions(topics: Sequence[TopicInfo]) -> dict[str, bytes]:
+    """The definition of each message type. Raises DefinitionMissing."""
+    return {topic.type: message_definition(topic.type).encode() for topic in topics}
+
+
 class BagWriter:
     """One recording. Not thread-safe. Raises OSError if the disk is full; flushed data stays readable."""
 
@@ -52,7 +57,7 @@ class BagWriter:
         self._format = form
         self._finished: list[FileInfo] = []
         # Checked before anything is created, so that a missing definition leaves no empty folder.
-        self._definitions = {topic.type: message_definition(topic.type).encode() for topic in topics}
+        self._definitions = definitions(topics)
         folder.mkdir(parents=True)
         self._file = self._next_file()
 
@@ -80,9 +85,9 @@ class BagWriter:
         """Closes a file that cannot be completed because the disk is full. Recovery completes it later."""
         self._file.abandon()
 
-    def _next_file(self) -> _BagFile:
+    def _next_file(self) -> BagFile:
         name = f"{self._folder.name}_{len(self._finished)}.mcap"
-        file = _BagFile(self._folder / name, self._topics, self._definitions, self._format)
+        file = BagFile(self._folder / name, self._topics, self._definitions, self._format)
         metadata.write_metadata(self._folder, [*self._finished, file.info()], self._topics)
         sync_folder(self._folder)
         return file
@@ -93,10 +98,11 @@ class BagWriter:
         metadata.write_metadata(self._folder, self._finished, self._topics)
 
 
-class _BagFile:
-    """One MCAP file under construction, locked until it is complete."""
+class BagFile:
+    """One MCAP file under construction, locked until it is complete. definitions: see the function of this name."""
 
     def __init__(self, path: Path, topics: Sequence[TopicInfo], definitions: dict[str, bytes], form: Format) -> None:
+        """Raises OSError."""
         self.name = path.name
         self._stream: BinaryIO = open(path, "xb")  # noqa: SIM115 - closed in finish() and abandon()
         fcntl.flock(self._stream, fcntl.LOCK_EX)

@@ -33,6 +33,7 @@ class Layer(StrEnum):
     DIAGNOSTICS = "diagnostics"
     HISTORY = "history"
     RECORDINGS = "recordings"
+    EVENTS = "events"
     MISSION_FILES = "mission_files"
     COSTMAP = "costmap"
     OBSTACLES = "obstacles"

@@ -7,6 +7,7 @@ from typing import Any
 
 from robot_stack.ehmi.nodes.serial_port import SerialPort
 from robot_stack.middleware.port import Port
+from robot_stack.recording.opening import open_black_box
 from robot_stack.system_monitor.nodes.computer_reader import ProcessReader, configured_reader
 from robot_stack.ui.nodes.hub import Hub
 from robot_stack.ui.nodes.server import WebServer
@@ -18,6 +19,7 @@ from sim.ehmi.line import DisplayLine
 from sim.scheduler.events import NANOSECONDS
 from sim.scheduler.port import SimPort
 from sim.scheduler.scheduler import Scheduler
+from sim.stack.black_box import ScheduledBlackBox
 from sim.stack.computer import NoProcesses, ScheduledComputer, ScheduledReader
 from sim.stack.disk import ScheduledDisk
 from sim.stack.display import Cable, ScheduledDisplay, ScheduledSerialPort
@@ -55,6 +57,7 @@ class StackDevices:
         devices[configured_reader] = lambda port, _: ScheduledReader(self.computer)
         devices[ProcessReader] = lambda port, _: NoProcesses()
         devices[Hub] = _hub
+        devices[open_black_box] = ScheduledBlackBox().open
         self.disk.register(devices, scheduler, lose_power)
         devices[WebServer] = self._web_server
 

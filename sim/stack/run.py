@@ -54,7 +54,7 @@ class RunOptions:
     """light: 16 rings' worth of LiDAR beams, and pictures only while docking, for runs without perception in focus.
 
     record: the folder of an MCAP recording, None for none. parallel: jobs and sensors may use both cores. until_s: ends
-    the run before the scenario does. faults: raised beside those of the scenario.
+    the run before the scenario does. faults: raised beside those of the scenario. black_box: see ``StackSetup``.
     """
 
     light: bool = False
@@ -62,6 +62,7 @@ class RunOptions:
     parallel: bool = True
     until_s: float = math.inf
     faults: tuple[PlannedFault, ...] = ()
+    black_box: bool = False
 
 
 @dataclass(slots=True)
@@ -97,7 +98,12 @@ class ScheduledRun:
     ) -> None:
         self.scenario, self.options = scenario, options or RunOptions()
         self._progress, self._log = progress, log
-        setup = StackSetup(seed, _settings(scenario, light=self.options.light), tuple(scenario.only))
+        setup = StackSetup(
+            seed,
+            _settings(scenario, light=self.options.light),
+            tuple(scenario.only),
+            black_box=self.options.black_box,
+        )
         self.stack = SimulatedStack(setup, parallel=self.options.parallel)
         self.run_log = RunLog()
         self._waiting = sorted(scenario.events, key=lambda item: item.at_s, reverse=True)

@@ -114,7 +114,7 @@ def test_an_endpoint_outside_the_contract_stops_the_start(start: Start) -> None:
 def test_only_the_recorder_may_listen_to_every_row(start: Start) -> None:
     process = example(start, "--listen", "ODOM")
     assert process.wait() == 2
-    assert "navigation_controller may not listen to /odom: the contract names recorder" in process.output()
+    assert "navigation_controller may not listen to /odom: the contract names recorder, black_box" in process.output()
 
 
 def test_publishers_accept_qos_overrides(start: Start, peer: Peer) -> None:

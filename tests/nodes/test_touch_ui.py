@@ -229,7 +229,7 @@ def test_diagnostics_history_and_recordings(screen: TouchScreen, staff: WebPage,
     values = [KeyValue(key="input /odom", value="received=12 rate_hz=50.0 age_s=0.01 fresh=True")]
     status = DiagnosticStatus(name="navigation_controller", level=DiagnosticStatus.OK, message="well", values=values)
     peer.repeat(topics.DIAGNOSTICS, lambda: DiagnosticArray(status=[status]), 2.0)
-    staff.say("show", layers=["diagnostics", "history", "recordings"])
+    staff.say("show", layers=["diagnostics", "history", "recordings", "events"])
 
     def odom() -> bool:
         rows = staff.state.get("diagnostics", {}).get("topics", [])
@@ -238,6 +238,7 @@ def test_diagnostics_history_and_recordings(screen: TouchScreen, staff: WebPage,
     wait_for(odom, "the rate of /odom")
     wait_for(lambda: any(item["what"] == "staff PIN" for item in staff.state["history"]["list"]), "the log-in")
     assert "list" in staff.state["recordings"]
+    assert "list" in staff.state["events"]
     staff.say("logout")
     staff.wait("access", "role", "rider")
     assert staff.ask("show", layers=["history"])["why"] == "answer.needs_staff"

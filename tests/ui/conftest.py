@@ -34,6 +34,7 @@ STAFF_PAGES = (
     "missions",
     "history",
     "recordings",
+    "events",
     "settings",
 )
 

@@ -11,7 +11,7 @@ from robot_stack.contract.model import Topic
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.port import Subscription
 from robot_stack.recording.images import DockingWatch, Thinning
-from robot_stack.recording.params import RecorderParams
+from robot_stack.recording.params import SelectionParams
 
 Write = Callable[[str, bytes, int, int], None]
 
@@ -22,7 +22,7 @@ class ImageRecording:
     write: called with topic, bytes and the times in ns at which a message was received and sent.
     """
 
-    def __init__(self, node: StackNode, rows: list[Topic], params: RecorderParams, write: Write) -> None:
+    def __init__(self, node: StackNode, rows: list[Topic], params: SelectionParams, write: Write) -> None:
         self._node = node
         self._write = write
         self._rows = rows

@@ -96,6 +96,8 @@ class Pages:
             layers[p.Layer.HISTORY] = self._history.section()
         if p.Layer.RECORDINGS in self._wanted:
             layers[p.Layer.RECORDINGS] = self._site.recordings()
+        if p.Layer.EVENTS in self._wanted:
+            layers[p.Layer.EVENTS] = self._site.events()
         if p.Layer.MISSION_FILES in self._wanted:
             layers[p.Layer.MISSION_FILES] = self._missions.files_section()
         sections = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 from typing import Any
 
@@ -11,18 +12,20 @@ from robot_stack.contract.frames import FRONT_CAMERA, REAR_CAMERA
 from robot_stack.core.camera import camera_file, load_intrinsics
 from robot_stack.core.display_patterns import load_patterns
 from robot_stack.core.display_picture import svg
+from robot_stack.core.kept_events import event_bytes, events_dir, read_events
 from robot_stack.core.robot import Footprint
 from robot_stack.core.runtime import recordings_dir
 from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, load_map, shaded
 from robot_stack.ui.params import TouchUiParams
 
 _RECORDINGS_MAX = 50
+_EVENTS_MAX = 50
 # Free ground is nearly white, walls are dark; unknown is between, and bluish as water on a map.
 _SHADES_BGR = {FREE: (250, 249, 247), OCCUPIED: (74, 58, 44), UNKNOWN: (226, 218, 209)}
 
 
 class Site:
-    """Data that is constant while the node runs, except the recordings. Raises ConfigError.
+    """Data that is constant while the node runs, except the recordings and the events. Raises ConfigError.
 
     pictures: see ``pictures``.
     """
@@ -46,6 +49,9 @@ class Site:
 
     def recordings(self) -> dict[str, Any]:
         return recordings(self._recordings)
+
+    def events(self) -> dict[str, Any]:
+        return kept_events(events_dir())
 
 
 def background(name: str) -> tuple[dict[str, Any] | None, bytes]:
@@ -93,6 +99,24 @@ def recordings(folder: Path) -> dict[str, Any]:
         found = [{"name": item.name, "megabytes": _megabytes(item)} for item in names]
     except OSError:
         found = []
+    return {"list": found, "folder": str(folder)}
+
+
+def kept_events(folder: Path) -> dict[str, Any]:
+    """The newest events of the black box. at: ms since the epoch, of the first trigger."""
+    found = []
+    for event in read_events(folder)[:_EVENTS_MAX]:
+        with contextlib.suppress(OSError):  # deleted meanwhile
+            size = round(event_bytes(folder / event.id) / 1e6, 1)
+            found.append(
+                {
+                    "id": event.id,
+                    "at": round(1e3 * event.at_s),
+                    "state": event.state.value,
+                    "reasons": list(event.reasons),
+                    "megabytes": size,
+                }
+            )
     return {"list": found, "folder": str(folder)}
 
 

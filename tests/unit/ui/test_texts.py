@@ -12,7 +12,9 @@ import pytest
 from robot_stack.contract.faults import FAULTS
 from robot_stack.core import mission
 from robot_stack.core.display_patterns import load_patterns
+from robot_stack.core.kept_events import EventState
 from robot_stack.core.stop_presence import Presence
+from robot_stack.recording import black_box
 from robot_stack.ui import desk, self_test, view
 from robot_stack.ui.nodes import hub, mission_files, operator_requests
 from robot_stack.ui.nodes import self_test as self_test_node
@@ -35,7 +37,7 @@ FAMILIES = {
     },
     "nav.": {
         "map", "drive", "docking", "display", "faults", "self_test", "diagnostics", "missions", "history", "recordings",
-        "settings",
+        "events", "settings",
     },
     "test_verdict.": {verdict.value for verdict in Verdict},
     "test_reason.": {reason.value for reason in Reason},
@@ -47,6 +49,10 @@ FAMILIES = {
     "presence.": {presence.value for presence in Presence},
     "step.": {kind.value for kind in mission.Kind},
     "dock_kind.": {"wheelchair", "station"},
+    "event_state.": {state.value for state in EventState},
+    "event_reason.": {
+        black_box.EMERGENCY_STOP, black_box.SAFETY_SILENT, black_box.NODE_RESTARTED, black_box.INTERRUPTED,
+    },
     "settings.": {"normal", "large", "light", "sun", "right", "left"},
 }  # fmt: skip
 

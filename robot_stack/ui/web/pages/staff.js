@@ -9,7 +9,7 @@ import { MapPage } from "/pages/map.js";
 import { MissionsPage } from "/pages/missions.js";
 import { SelfTestDue, SelfTestPage } from "/pages/self_test.js";
 import { SettingsPage } from "/pages/settings.js";
-import { DiagnosticsPage, FaultsPage, HistoryPage, RecordingsPage } from "/pages/tables.js";
+import { DiagnosticsPage, EventsPage, FaultsPage, HistoryPage, RecordingsPage } from "/pages/tables.js";
 
 const PAGES = {
   map: MapPage,
@@ -22,6 +22,7 @@ const PAGES = {
   missions: MissionsPage,
   history: HistoryPage,
   recordings: RecordingsPage,
+  events: EventsPage,
   settings: SettingsPage,
 };
 

@@ -1,7 +1,7 @@
-// Pages that are lists: faults, diagnostics, history, recordings.
+// Pages that are lists: faults, diagnostics, history, recordings, events.
 
 import { html, useEffect } from "/vendor/preact-htm.js";
-import { t } from "/i18n.js";
+import { known, t } from "/i18n.js";
 import { reasonText } from "/pages/rider.js";
 
 function Table({ columns, rows, id, label }) {
@@ -91,6 +91,26 @@ export function RecordingsPage({ link, state }) {
     ${list.length
       ? html`<${Table} id="recordings" label=${t("recordings.title")} rows=${list.map((item) => [html`<code>${item.name}</code>`, item.megabytes.toFixed(1)])}
           columns=${[t("recordings.name"), t("recordings.size")]} />`
+      : html`<p class="large">${t("app.none")}</p>`}
+  </section>`;
+}
+
+// Reasons beside the fault codes.
+const eventReason = (reason) => (known(`event_reason.${reason}`) ? t(`event_reason.${reason}`) : reasonText(reason));
+
+export function EventsPage({ link, state }) {
+  useLayers(link, ["events"]);
+  const { list = [], folder = "" } = state.events ?? {};
+  const time = (at) => new Date(at).toLocaleString(document.documentElement.lang);
+  const rows = list.map((item) => [
+    time(item.at), item.reasons.map(eventReason).join(", "), t(`event_state.${item.state}`), item.megabytes.toFixed(1), html`<code>${item.id}</code>`]);
+  return html`<section class="page" data-page="events">
+    <h2>${t("events.title")}</h2>
+    <p>${t("events.hint")}</p>
+    <p>${t("recordings.folder", { folder })}</p>
+    ${list.length
+      ? html`<${Table} id="events" label=${t("events.title")} rows=${rows}
+          columns=${[t("history.when"), t("events.reasons"), t("diagnostics.state"), t("recordings.size"), t("events.id")]} />`
       : html`<p class="large">${t("app.none")}</p>`}
   </section>`;
 }
