@@ -15,6 +15,7 @@ from robot_stack.cli.map import maps
 from robot_stack.cli.mission import mission
 from robot_stack.cli.pin import pin
 from robot_stack.cli.view import view
+from robot_stack.cli.wmx import wmx
 
 app = typer.Typer(
     name="robot-stack",
@@ -35,6 +36,7 @@ app.add_typer(events, name="events")
 app.add_typer(arm, name="arm")
 app.add_typer(calibrate, name="calibrate")
 app.add_typer(maps, name="map")
+app.add_typer(wmx, name="wmx")
 app.command()(dock.dock)
 app.command()(dock.undock)
 app.command()(safety.estop)

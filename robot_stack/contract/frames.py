@@ -10,7 +10,7 @@ FRONT_CAMERA = "front_camera"
 REAR_CAMERA = "rear_camera"
 
 MODULES = ("fl", "fr", "rl", "rr")  # module ids 0-3
-# Joint i sits on engine axis i.
+# Joints, and the indices of the two kinds in them. config/robot.yaml gives each joint its axis of the motion engine.
 JOINTS = tuple(f"{module}_{part}" for module in MODULES for part in ("drive", "steer"))
 DRIVE_AXES = (0, 2, 4, 6)
 STEER_AXES = (1, 3, 5, 7)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Final, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from robot_stack.core.range_sensor import RangeSensor
 Positive = Annotated[float, Field(gt=0.0)]
 Bit = Annotated[int, Field(ge=0, lt=8)]
 Xyz = Annotated[tuple[float, float, float], Field(description="m, base_link")]
+_LARGEST_GEAR: Final = 2147483647
 SIDES = ("front", "rear", "left", "right")
 # A safety edge must be soft for longer than the robot needs to stop from this speed, with this time until it brakes.
 CREEP_SPEED_MPS, EDGE_REACTION_S = 0.3, 0.1
@@ -55,24 +56,89 @@ class Chassis(Config):
         return self
 
 
-class Drive(Config):
-    """One drive motor with its gear, at the wheel."""
+class Motor(Config):
+    """One kind of servo axis: motor, gear and encoder. Torques and speeds at the wheel or steering axis.
 
-    encoder_counts_per_rev: Annotated[int, Field(gt=0)]
+    gear_numerator turns of the motor are gear_denominator turns of the wheel or steering axis.
+    encoder_counts_per_rev: of the motor. absolute_encoder: the angle is known at power-on. rated_torque_nm: the engine
+    reports percent of it. position_width_rad: within it the engine reports that a position is reached.
+    """
+
+    encoder_counts_per_rev: Annotated[int, Field(gt=0, le=_LARGEST_GEAR)]
+    gear_numerator: Positive
+    gear_denominator: Positive
+    absolute_encoder: bool
+    rated_torque_nm: Positive
     max_torque_nm: Positive
-    max_speed_radps: Positive
     torque_lag_s: Positive
+    position_width_rad: Positive
+
+    @property
+    def counts_per_turn(self) -> float:
+        """Encoder counts of one turn of the wheel or steering axis."""
+        return self.encoder_counts_per_rev * self.gear_numerator / self.gear_denominator
+
+    @model_validator(mode="after")
+    def _counts_in_range(self) -> Self:
+        counts = self.counts_per_turn
+        if not 1.0 <= counts <= _LARGEST_GEAR:
+            raise ValueError(
+                "encoder_counts_per_rev * gear_numerator / gear_denominator must be within "
+                f"1..{_LARGEST_GEAR}, the engine's gear ratios, is {counts:.6g}"
+            )
+        return self
+
+
+class Drive(Motor):
+    """One drive motor with its gear and wheel.
+
+    stall_speed_radps: a difference of command and wheel that lasts for stall_time_s stops the axis with an alarm.
+    """
+
+    max_speed_radps: Positive
     brake_torque_nm: Positive
+    quick_stop_deceleration_mps2: Positive
+    stall_speed_radps: Positive
+    stall_time_s: Positive
 
 
-class Steer(Config):
-    """One steering motor with its gear, at the steering axis; the axis turns without end."""
+class SteeringHoming(Config):
+    """How a steering axis without an absolute encoder finds its zero.
 
-    encoder_counts_per_rev: Annotated[int, Field(gt=0)]
-    max_torque_nm: Positive
+    current_position: the present heading becomes straight ahead. home_switch: the engine turns the axis in
+    ``direction`` to the drive's home switch.
+    """
+
+    type: Literal["current_position", "home_switch"]
+    direction: Literal["positive", "negative"]
+    fast_radps: Positive
+    slow_radps: Positive
+    acceleration_radps2: Positive
+
+
+class Steer(Motor):
+    """One steering motor with its gear; the axis turns without end.
+
+    following_error_rad: a larger difference of command and axis stops the axis with an alarm.
+    """
+
     max_rate_radps: Positive
     max_acceleration_radps2: Positive
-    torque_lag_s: Positive
+    emergency_deceleration_radps2: Positive
+    quick_stop_deceleration_radps2: Positive
+    following_error_rad: Positive
+    homing: SteeringHoming
+
+
+class JointAxis(Config):
+    """A joint's axis of the motion engine. number: the engine's. polarity: -1 if the motor turns the other way.
+
+    zero_rad: reading of an absolute encoder at zero, at the joint and after the polarity.
+    """
+
+    number: Annotated[int, Field(ge=0, lt=128)]
+    polarity: Literal[1, -1]
+    zero_rad: float = 0.0
 
 
 class Latch(Config):
@@ -166,6 +232,7 @@ class Robot(Config):
     emergency_deceleration_mps2: Positive
     drive: Drive
     steer: Steer
+    axes: dict[str, JointAxis]
     imu_xyz_m: Xyz
     front_camera_xyz_m: Xyz
     front_camera_rpy_deg: Rpy
@@ -177,6 +244,21 @@ class Robot(Config):
     estop_input_bit: Bit
     latch: Latch
     safety_edge: SafetyEdge | None = None
+
+    @model_validator(mode="after")
+    def _every_joint_has_an_axis(self) -> Robot:
+        missing, unknown = set(frames.JOINTS) - set(self.axes), set(self.axes) - set(frames.JOINTS)
+        if missing or unknown:
+            wrong = [f"{name} is missing" for name in sorted(missing)] + [f"{name} is no joint" for name in unknown]
+            raise ValueError(f"axes must have the joints {', '.join(frames.JOINTS)}; {', '.join(wrong)}")
+        taken: dict[int, str] = {}
+        for name, axis in self.axes.items():
+            if axis.zero_rad and not self.motor(name).absolute_encoder:
+                raise ValueError(f"axes.{name}.zero_rad must be 0 without an absolute encoder, is {axis.zero_rad}")
+            first = taken.setdefault(axis.number, name)
+            if first != name:
+                raise ValueError(f"axes.{name}.number {axis.number} is {first}'s too; each joint needs its own axis")
+        return self
 
     @model_validator(mode="after")
     def _has_its_lidar(self) -> Robot:
@@ -263,6 +345,15 @@ class Robot(Config):
         """(x, y) of the steering axes in base_link, m, in module order FL FR RL RR."""
         x, y = 0.5 * self.wheelbase_m, 0.5 * self.track_m
         return (x, y), (x, -y), (-x, y), (-x, -y)
+
+    def motor(self, joint: str) -> Drive | Steer:
+        """The kind of servo axis of a joint."""
+        return self.drive if joint.endswith("_drive") else self.steer
+
+    @property
+    def joint_axes(self) -> tuple[int, ...]:
+        """The engine's axis of each joint, in the order of ``frames.JOINTS``."""
+        return tuple(self.axes[name].number for name in frames.JOINTS)
 
     def motion(self, passenger_attached: bool) -> Motion:
         return self.with_passenger if passenger_attached else self.empty

@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from robot_stack.contract import topics
+from robot_stack.contract.frames import DRIVE_AXES, STEER_AXES
 from robot_stack.core.config import Config
 from robot_stack.core.robot import Robot
 from robot_stack.drive.params import Positive, max_wheel_speed_mps
@@ -50,7 +51,10 @@ class SwerveHardwareParams(Config):
 
 
 def axis_settings(params: SwerveHardwareParams, robot: Robot, command_rate_hz: float) -> AxisSettings:
+    axes = robot.joint_axes
     return AxisSettings(
+        drive_axes=tuple(axes[joint] for joint in DRIVE_AXES),
+        steer_axes=tuple(axes[joint] for joint in STEER_AXES),
         wheel_radius_m=robot.wheel_radius_m,
         max_wheel_speed_mps=max_wheel_speed_mps(robot),
         period_s=1.0 / command_rate_hz,

@@ -12,20 +12,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from robot_stack.contract.frames import DRIVE_AXES, JOINTS, STEER_AXES
+from robot_stack.contract.frames import MODULES
 from robot_stack.drive import axis_commands
 from robot_stack.drive.hardware_params import SessionParams
 from robot_stack.drive.kinematics import ModuleSetPoints
 from robot_stack.drive.wheel_axes import AxisSettings, DriveMove, SteerMove, drive_moves, steer_moves, stop_moves
 from robot_stack.wmx.api import AxisCommandMode, EStopLevel
 from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.config import EngineParameters
 from robot_stack.wmx.device_opener import DeviceOpener, OpenEngine, PromptOpener
 from robot_stack.wmx.session import Applied, EngineSession, Patience
 from robot_stack.wmx.start_up import Machine, Missing, SessionState, Stage, StartUp
-
-_MODES = {
-    axis: AxisCommandMode.Velocity if axis in DRIVE_AXES else AxisCommandMode.Position for axis in range(len(JOINTS))
-}
 
 # Requests, as refusals name them.
 _ESTOP, _RELEASE, _STEERING, _DRIVING = "emergency stop", "release", "steering", "driving"
@@ -50,17 +47,29 @@ class DriveSession:
         open_engine: OpenEngine,
         params: SessionParams,
         axes: AxisSettings,
+        parameters: EngineParameters,
+        parameter_file: str,
         *,
         opener: Callable[[OpenEngine], DeviceOpener] = PromptOpener,
     ) -> None:
         """open_engine, opener: see ``EngineSession``. axes: how set points become moves, including the time
-        after which the engine stops a wheel without a new command.
+        after which the engine stops a wheel without a new command. parameter_file: holds ``parameters``; imported into
+        every new engine and read back.
         """
         patience = Patience(
             params.absent_retry_s, params.attempts, params.attempt_pause_s, probe_period_s=params.probe_period_s
         )
         self._engine = EngineSession(open_engine, patience, opener=opener)
-        machine = Machine(dict(enumerate(JOINTS)), _MODES, params.communication_retry_s, params.request_pause_s)
+        drives, steers = axes.drive_axes, axes.steer_axes
+        modules = tuple(zip(MODULES, drives, steers, strict=True))
+        machine = Machine(
+            {a: f"{name}_{part}" for name, *pair in modules for part, a in zip(("drive", "steer"), pair, strict=True)},
+            dict.fromkeys(drives, AxisCommandMode.Velocity) | dict.fromkeys(steers, AxisCommandMode.Position),
+            params.communication_retry_s,
+            params.request_pause_s,
+            parameter_file,
+            parameters,
+        )
         self._start = StartUp(
             self._engine,
             machine,
@@ -69,8 +78,17 @@ class DriveSession:
             withheld=lambda: "" if self._may_switch_on else "waiting for the safety monitor",
             connected=self._on_connection,
         )
-        self._steps = (self._start.communication, self._stopping, self._start.alarms, self._start.servos)
+        self._steps = (
+            self._start.communication,
+            self._parameters,
+            self._stopping,
+            self._start.alarms,
+            self._start.servos,
+            self._homed,
+        )
+        self._names = machine.names
         self._params, self._axes = params, axes
+        self._drive_axes, self._steer_axes = list(drives), list(steers)
         self._stop = self._may_switch_on = False
         self._stopped = False
         self._tripped = ""
@@ -97,6 +115,15 @@ class DriveSession:
     def _on_connection(self) -> None:
         self._tripped = ""
 
+    def _parameters(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
+        """Before an emergency stop is handled, because positions are invalid until then. Axes that still move, from a
+        command of an earlier session, refuse an import; an emergency stop reaches them all the same.
+        """
+        missing = self._start.parameters(snapshot, now_s)
+        if missing and self._stop and not snapshot.emergency_stop:
+            self.emergency_stop()
+        return missing
+
     def _stopping(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
         if self._stop:
             if not snapshot.emergency_stop:
@@ -118,6 +145,13 @@ class DriveSession:
         cause = self._tripped or "an emergency stop of another source"
         return Stage.TRIPPED, f"{cause}; needs an emergency stop and its release"
 
+    def _homed(self, snapshot: StatusSnapshot, _: float) -> Missing:
+        """Steering of unknown heading does not move. Its servos are on, which homing needs."""
+        unknown = [self._names[axis] for axis in self._steer_axes if not snapshot.home_done[axis]]
+        if not unknown:
+            return None
+        return Stage.HOMING, f"not homed: {', '.join(unknown)}; align the wheels and run robot-stack wmx home"
+
     def _trip(self, _: StatusSnapshot, cause: str) -> tuple[Stage, str]:
         self._tripped = cause
         self.emergency_stop()
@@ -131,13 +165,13 @@ class DriveSession:
         if snapshot is None:
             return Applied(None, self._engine.problem if self.ready else self._not_ready)
         return self.move(
-            drive_moves(set_points.speeds_mps, _wheel_speeds_radps(snapshot), self._axes),
-            steer_moves(set_points.angles_rad, snapshot.pos_cmd[list(STEER_AXES)].tolist(), self._axes),
+            drive_moves(set_points.speeds_mps, self.wheel_speeds_radps(snapshot), self._axes),
+            steer_moves(set_points.angles_rad, snapshot.pos_cmd[self._steer_axes].tolist(), self._axes),
         )
 
     def stop_wheels(self, snapshot: StatusSnapshot) -> AppliedMoves:
         """Stops wheels without commands; headings stay."""
-        velocities = _wheel_speeds_radps(snapshot)
+        velocities = self.wheel_speeds_radps(snapshot)
         if not self.ready or not any(velocities):
             return Applied(None)
         return self.move(stop_moves(velocities, self._axes), [])
@@ -168,8 +202,13 @@ class DriveSession:
         return "" if done else self._engine.refusal(_ESTOP, "no engine to stop")
 
     def standing(self, snapshot: StatusSnapshot) -> bool:
-        speeds = np.abs(snapshot.actual_velocity[list(DRIVE_AXES)])
+        speeds = np.abs(snapshot.actual_velocity[self._drive_axes])
         return bool((speeds <= self._params.standstill_radps).all())
+
+    def wheel_speeds_radps(self, snapshot: StatusSnapshot) -> list[float]:
+        """Commanded speeds of the wheels, by module."""
+        speeds: list[float] = snapshot.velocity_cmd[self._drive_axes].tolist()
+        return speeds
 
     def servos_off(self) -> None:
         """Closes the holding brakes. Only for standing wheels."""
@@ -182,8 +221,3 @@ class DriveSession:
     @property
     def _not_ready(self) -> str:
         return f"not ready: {self.state.text}"
-
-
-def _wheel_speeds_radps(snapshot: StatusSnapshot) -> list[float]:
-    speeds: list[float] = snapshot.velocity_cmd[list(DRIVE_AXES)].tolist()
-    return speeds

@@ -11,7 +11,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot_stack.contract.frames import DRIVE_AXES, MODULES, STEER_AXES
+from robot_stack.contract.frames import MODULES
 from robot_stack.drive.kinematics import Four, ModuleSetPoints, nearest_equivalent
 from robot_stack.wmx.timed_velocity import speed_change
 
@@ -30,13 +30,16 @@ class BadWheelCommands(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class AxisSettings:
-    """period_s: between set points. steering_periods: in how many of them a heading reaches its set point; more than
-    one keeps a steadily turning axis from stopping between set points. max_wheel_acceleration_mps2: of ordinary
-    changes. stop_deceleration_mps2: of a command of zero for all wheels, and of wheels whose commands have ended.
-    command_lifetime_s: timeout after which the engine stops a wheel without a new command. softest_slowing_mps2: of
-    decelerating wheels, and of their stop if the commands end just then.
+    """drive_axes, steer_axes: the engine's axes by module. period_s: between set points. steering_periods: in how many
+    of them a heading reaches its set point; more than one keeps a steadily turning axis from stopping between set
+    points. max_wheel_acceleration_mps2: of ordinary changes. stop_deceleration_mps2: of a command of zero for all
+    wheels, and of wheels whose commands have ended. command_lifetime_s: timeout after which the engine stops a wheel
+    without a new command. softest_slowing_mps2: of decelerating wheels, and of their stop if the commands end just
+    then.
     """
 
+    drive_axes: tuple[int, ...]
+    steer_axes: tuple[int, ...]
     wheel_radius_m: float
     max_wheel_speed_mps: float
     period_s: float
@@ -112,7 +115,7 @@ def drive_moves(speeds_mps: Four, velocities_radps: Sequence[float], settings: A
     seconds = max(settings.period_s, max(map(abs, changes)) / hardest_radps2)
     share = min(1.0, settings.command_lifetime_s / seconds)
     moves = []
-    for axis, now, target, change in zip(DRIVE_AXES, velocities_radps, targets, changes, strict=True):
+    for axis, now, target, change in zip(settings.drive_axes, velocities_radps, targets, changes, strict=True):
         reached = target if share == 1.0 else now + share * change
         rate_mps2 = abs(change) / seconds * settings.wheel_radius_m
         slows_down = abs(reached) < abs(now) and rate_mps2 > _STEADY * settings.softest_slowing_mps2
@@ -129,7 +132,7 @@ def stop_moves(velocities_radps: Sequence[float], settings: AxisSettings, least_
     seconds = max(least_s, max(map(abs, velocities_radps)) / hardest_radps2)
     return [
         _move(axis, now, 0.0, abs(now) / seconds if seconds else 0.0, 0.0)
-        for axis, now in zip(DRIVE_AXES, velocities_radps, strict=True)
+        for axis, now in zip(settings.drive_axes, velocities_radps, strict=True)
     ]
 
 
@@ -146,7 +149,7 @@ def steer_moves(angles_rad: Four, positions_rad: Sequence[float], settings: Axis
     """Moves from the axes' present commanded ``positions_rad`` (any number of turns) to the nearest of the angles."""
     seconds = settings.steering_periods * settings.period_s
     moves = []
-    for axis, angle, position in zip(STEER_AXES, angles_rad, positions_rad, strict=True):
+    for axis, angle, position in zip(settings.steer_axes, angles_rad, positions_rad, strict=True):
         target = nearest_equivalent(angle, position)
         rate = min(settings.max_steering_rate_radps, max(abs(target - position) / seconds, _LEAST_RATE_RADPS))
         moves.append(SteerMove(axis, target, rate, settings.max_steering_acceleration_radps2))

@@ -6,6 +6,7 @@ creates its own devices, like programs for the vendor's library.
 
 from __future__ import annotations
 
+import logging
 import random
 import time
 from typing import Final
@@ -13,9 +14,10 @@ from typing import Final
 from robot_stack.wmx.api import ErrorCode
 from robot_stack.wmx.config import ClientConfig, load_client_config
 from robot_stack.wmx.engine import EngineError, Library, MotionEngine
-from robot_stack.wmx.failures import BUSY, PASSING
+from robot_stack.wmx.failures import BUSY, LOST, PASSING
 
 _POLL_S: Final = 0.02
+_log = logging.getLogger(__name__)
 
 
 def load_library(config: ClientConfig) -> Library:
@@ -33,14 +35,19 @@ def connect(name: str, config: ClientConfig | None = None, timeout_s: float | No
     """A device called ``name`` on the configured engine. Raises EngineError.
 
     Waits for an engine that does not run yet and for concurrent device creations, up to ``timeout_s``
-    (by default the configured one). 0 tries once and does not block, so that a node can retry from a timer.
+    (by default the configured one). 0 tries once, so that a node can retry from a timer. One try blocks for up to the
+    configured time with the vendor's engine, which the first device starts; an executor leaves it to a thread.
+
+    A device that cannot be named is used without a name: closing it, if it is the only one, would end the engine.
     """
     config = config or load_client_config()
     library = load_library(config)
     api = library.WMX3Api()
     deadline = time.monotonic() + (config.connect_timeout_s if timeout_s is None else timeout_s)
+    # The simulated engine's process is started by others: waiting inside the call would not start it.
+    start_ms = round(1e3 * config.connect_timeout_s) if config.engine == "vendor" else 0
     while True:
-        code = api.CreateDevice(config.path, 0, 0)
+        code = api.CreateDevice(config.path, 0, start_ms)
         if code == ErrorCode.PyNone:
             break
         if code not in PASSING or time.monotonic() >= deadline:
@@ -49,9 +56,10 @@ def connect(name: str, config: ClientConfig | None = None, timeout_s: float | No
         locked = code in BUSY
         time.sleep(config.lock_retry_s * random.uniform(0.5, 1.5) if locked else _POLL_S)
     code = api.SetDeviceName(name)
+    if code in LOST:
+        raise EngineError(f"{name}: the device was lost at once", code, api.ErrorToString(code))
     if code:
-        api.CloseDevice()
-        raise EngineError(f"{name}: cannot name the device", code, api.ErrorToString(code))
+        _log.warning("%s: the device has no name: %s (error %d)", name, api.ErrorToString(code), code)
     return MotionEngine(library, api)
 
 

@@ -1,22 +1,22 @@
-"""The engine's configuration, ``config/wmx_engine.yaml``: cycle, axes, stops, alarms, I/O.
+"""The engine's configuration, ``config/wmx_engine.yaml``: cycle, I/O, axes and the parameters with which they start.
 
-Axes share a handful of kinds (the robot has two: drive and steer), so the file describes kinds and lists the axes by
-kind. User unit is rad throughout.
+Axes share a handful of kinds, so a file describes kinds and lists the axes by kind. User unit is rad throughout. The
+robot's engine has no kinds: it starts with the vendor's defaults, and the drive imports its parameters
+(``robot_parameters``).
 """
 
 from __future__ import annotations
 
-import math
 import os
-from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config, ConfigError, config_dir, load, read_yaml, validate
+from robot_stack.core.config import Config, config_dir, load, read_yaml, validate
 from robot_stack.core.pacing import SpinLimits
-from robot_stack.core.robot import Robot, load_robot
+from robot_stack.core.robot import load_robot
 from robot_stack.wmx.api.values import MAX_AXES, MAX_IO_BYTES
 
 ENGINE_VARIABLE = "ROBOT_STACK_WMX_ENGINE"
@@ -66,8 +66,10 @@ class LimitSwitches(Config):
 
 
 class Homing(Config):
-    """Speeds of a homing motion; a client sets the type of homing."""
+    """A homing motion: its type, its speeds, the direction of its search."""
 
+    type: Literal["current_position", "home_switch"] = "current_position"
+    direction: Literal["positive", "negative"] = "positive"
     fast_radps: Positive
     slow_radps: Positive
     acceleration_radps2: Positive
@@ -109,9 +111,36 @@ class AxisKind(Config):
         return self.polarity * self.gear_numerator / self.gear_denominator
 
 
+VENDOR_DEFAULTS: Final = AxisKind(
+    mode="position",
+    gear_numerator=1.0,
+    gear_denominator=1.0,
+    polarity=1,
+    absolute_encoder=False,
+    home_offset_rad=0.0,
+    in_pos_width_rad=1000.0,
+    pos_set_width_rad=1000.0,
+    quick_stop_dec_radps2=100000.0,
+    estop_dec_radps2=100000.0,
+    servo_off_during_alarm=True,
+    following_error=FollowingError(
+        moving_rad=0.0,
+        stopped_rad=0.0,
+        velocity_moving_radps=0.0,
+        velocity_stopped_radps=0.0,
+        velocity_time_s=0.0,
+        quick_stop=False,
+    ),
+    soft_limits=None,
+)
+"""Parameters of every axis of an engine that has just started. Its user unit is one encoder count, not one rad."""
+
+
 class Axis(Config):
+    """kind: of the parameters with which the engine starts; null for the vendor's defaults."""
+
     name: Annotated[str, Field(min_length=1)]
-    kind: str
+    kind: str | None = None
 
 
 class EStopSignal(Config):
@@ -144,6 +173,15 @@ class Server(Config):
     spin: SpinLimits | None = None
 
 
+@dataclass(frozen=True, slots=True)
+class EngineParameters:
+    """Parameters of an engine. axes: by number. estop_servo_off: the emergency stop of level 1 ends with servos off."""
+
+    axes: tuple[AxisKind, ...]
+    estop_signal: EStopSignal | None = None
+    estop_servo_off: bool = False
+
+
 class EngineConfig(Config):
     """The whole file. ``n_axes`` is the number of axes listed."""
 
@@ -151,22 +189,22 @@ class EngineConfig(Config):
     n_input_bytes: Annotated[int, Field(ge=1, le=MAX_IO_BYTES)]
     n_output_bytes: Annotated[int, Field(ge=1, le=MAX_IO_BYTES)]
     quit_without_devices: bool
-    estop_servo_off: bool
-    estop_signal: EStopSignal
+    estop_servo_off: bool = False
+    estop_signal: EStopSignal | None = None
     timing: Timing
     server: Server
-    kinds: dict[str, AxisKind]
+    kinds: dict[str, AxisKind] = {}
     axes: Annotated[tuple[Axis, ...], Field(min_length=1, max_length=MAX_AXES)]
 
     @model_validator(mode="after")
     def _consistent(self) -> EngineConfig:
         for index, axis in enumerate(self.axes):
-            if axis.kind not in self.kinds:
+            if axis.kind is not None and axis.kind not in self.kinds:
                 raise ValueError(f"axes.{index}.kind: {axis.kind!r} is none of {sorted(self.kinds)}")
         names = [axis.name for axis in self.axes]
         if len(set(names)) != len(names):
             raise ValueError("axes: names must differ")
-        if self.estop_signal.byte >= self.n_input_bytes:
+        if self.estop_signal is not None and self.estop_signal.byte >= self.n_input_bytes:
             raise ValueError("estop_signal.byte must be below n_input_bytes")
         return self
 
@@ -175,8 +213,15 @@ class EngineConfig(Config):
         return len(self.axes)
 
     def axis_kind(self, axis: int) -> AxisKind:
-        """The kind of axis number ``axis``."""
-        return self.kinds[self.axes[axis].kind]
+        """The parameters with which axis number ``axis`` starts."""
+        kind = self.axes[axis].kind
+        return VENDOR_DEFAULTS if kind is None else self.kinds[kind]
+
+    @property
+    def parameters(self) -> EngineParameters:
+        """The parameters with which the engine starts."""
+        kinds = tuple(self.axis_kind(axis) for axis in range(self.n_axes))
+        return EngineParameters(kinds, self.estop_signal, self.estop_servo_off)
 
 
 class ClientConfig(Config):
@@ -205,57 +250,21 @@ def load_engine_config() -> EngineConfig:
 
 
 def read_engine_config(path: Path) -> EngineConfig:
-    """One file that describes an engine; ``robot_motor`` and ``robot_input`` take values from ``config/robot.yaml``.
+    """One file that describes an engine. ``axes: robot`` stands for those of ``config/robot.yaml``, without parameters.
 
     Raises ConfigError.
     """
     data = read_yaml(path)
-    kinds = data.get("kinds")
-    if isinstance(kinds, dict):
-        data["kinds"] = {name: _of_robot(kind, str(path)) for name, kind in kinds.items()}
-    data["estop_signal"] = _signal_of_robot(data.get("estop_signal"), str(path))
+    if data.get("axes") == "robot":
+        names = {axis.number: name for name, axis in load_robot().axes.items()}
+        data["axes"] = [{"name": names.get(number, f"axis{number}")} for number in range(max(names) + 1)]
     return validate(EngineConfig, data, str(path))
 
 
-def _signal_of_robot(signal: Any, source: str) -> Any:
-    """The input that stops the engine, completed from ``config/robot.yaml`` if it names one of the robot's inputs.
+def load_client_config(engine: str | None = None) -> ClientConfig:
+    """``config/wmx_client.yaml``, changed by ENGINE_VARIABLE and STALE_VARIABLE where set, and ``engine`` if given.
 
-    A robot without a safety edge has no such input.
+    Raises ConfigError.
     """
-    if not isinstance(signal, dict) or "robot_input" not in signal:
-        return signal
-    own = {name: value for name, value in signal.items() if name != "robot_input"}
-    if signal["robot_input"] != "safety_edge":
-        raise ConfigError(f"{source}: estop_signal.robot_input must be safety_edge, is {signal['robot_input']!r}")
-    edge = load_robot().safety_edge
-    byte, bit = (0, 0) if edge is None else (edge.byte, edge.relay_input_bit)
-    return {"enabled": edge is not None, "byte": byte, "bit": bit, "active": 0} | own
-
-
-def _of_robot(kind: Any, source: str) -> Any:
-    """A kind of axis, completed from ``config/robot.yaml`` if it names one of the robot's motors."""
-    if not isinstance(kind, dict) or "robot_motor" not in kind:
-        return kind
-    own = {name: value for name, value in kind.items() if name != "robot_motor"}
-    motor, derived = kind["robot_motor"], _DERIVED.get(str(kind["robot_motor"]))
-    if derived is None:
-        raise ConfigError(f"{source}: robot_motor must be one of {', '.join(_DERIVED)}, is {motor!r}")
-    counts, deceleration_radps2 = derived(load_robot())
-    gear = {"gear_numerator": counts, "gear_denominator": math.tau}
-    return gear | dict.fromkeys(("quick_stop_dec_radps2", "estop_dec_radps2"), deceleration_radps2) | own
-
-
-# Counts per turn, and deceleration of a stop: a wheel's as in the robot's emergency stop, a steering axis' own limit.
-_DERIVED: Final[dict[str, Callable[[Robot], tuple[float, float]]]] = {
-    "drive": lambda robot: (
-        float(robot.drive.encoder_counts_per_rev),
-        robot.emergency_deceleration_mps2 / robot.wheel_radius_m,
-    ),
-    "steer": lambda robot: (float(robot.steer.encoder_counts_per_rev), robot.steer.max_acceleration_radps2),
-}
-
-
-def load_client_config() -> ClientConfig:
-    """``config/wmx_client.yaml``, changed by ENGINE_VARIABLE and STALE_VARIABLE where set. Raises ConfigError."""
-    named = {"engine": os.environ.get(ENGINE_VARIABLE), "status_stale_s": os.environ.get(STALE_VARIABLE)}
+    named = {"engine": engine or os.environ.get(ENGINE_VARIABLE), "status_stale_s": os.environ.get(STALE_VARIABLE)}
     return load(ClientConfig, "wmx_client", {key: value for key, value in named.items() if value})

@@ -8,10 +8,13 @@ from enum import Enum
 
 from robot_stack.wmx.api import AxisCommandMode, AxisSelection
 from robot_stack.wmx.axes import BoolRow, StatusSnapshot
+from robot_stack.wmx.config import EngineParameters
+from robot_stack.wmx.read_back import differences
 from robot_stack.wmx.session import EngineSession
 
 # Requests, as refusals name them.
-_PARAMETERS, _CLEARING, _MODE, _SERVO_ON = "wmx_param_file_path", "clearing alarms", "command mode", "servo on"
+_PARAMETERS, _CLEARING, _MODE, _SERVO_ON = "parameter file", "clearing alarms", "command mode", "servo on"
+_REPORTED = 3
 _NO_BUS_YET, _BUS_LOST = "the engine does not communicate yet", "communication with the drives is lost"
 
 
@@ -25,6 +28,7 @@ class Stage(Enum):
     TRIPPED = "tripped"
     FAULT = "fault"
     SWITCHING_ON = "switching on"
+    HOMING = "not homed"
     STOPPING = "stopping"
     READY = "ready"
 
@@ -57,7 +61,8 @@ class SessionState:
 class Machine:
     """Axes that start together. names, used in reports, and command modes: by the numbers of the axes.
 
-    parameter_file: the engine's parameter XML, empty for none. communication_retry_s, request_pause_s: between
+    parameter_file: the engine's parameter XML, empty for none. parameters: its values, which are read back after the
+    import; None: they are not read back. communication_retry_s, request_pause_s: between
     repetitions of an unfulfilled request. restarts: after the loss of the bus the servos are switched on again;
     otherwise they have dropped out, which is a fault.
     """
@@ -67,6 +72,7 @@ class Machine:
     communication_retry_s: float
     request_pause_s: float
     parameter_file: str = ""
+    parameters: EngineParameters | None = None
     restarts: bool = False
 
 
@@ -95,6 +101,7 @@ class StartUp:
         self._fault, self._standing, self._withheld = fault, standing, withheld
         self._connection = 0
         self._parameters_set = False
+        self._wrong_parameters = ""
         self._bus = _NO_BUS_YET
         self.was_ready = False
         self.switched_on: set[int] = set()
@@ -116,6 +123,7 @@ class StartUp:
         if session.connections != self._connection:
             self._connection = session.connections
             self.was_ready = self._parameters_set = False
+            self._wrong_parameters = ""
             self._bus = _NO_BUS_YET
             self.switched_on.clear()
             self._connected()
@@ -128,7 +136,8 @@ class StartUp:
         stage, text = next(filter(None, missing), (Stage.READY, "ready"))
         if session.engine is None:  # lost during a step
             return SessionState(Stage.CONNECTING, session.problem)
-        return SessionState(stage, text, snapshot if snapshot.communicating else None)
+        valid = snapshot.communicating and stage is not Stage.PARAMETERS  # without its parameters, positions are counts
+        return SessionState(stage, text, snapshot if valid else None)
 
     # --- steps -------------------------------------------------------------------------------------------------------
 
@@ -142,16 +151,29 @@ class StartUp:
         return Stage.COMMUNICATION, self._session.start_communication(now_s, pause_s, self._bus)
 
     def parameters(self, _: StatusSnapshot, now_s: float) -> Missing:
-        """Before the servos: without its parameters an axis has the wrong gear."""
+        """Before the servos: without its parameters an axis has the wrong gear. An engine whose parameters are not the
+        file's is a start error; the import is repeated.
+        """
         path = self._machine.parameter_file
         if self._parameters_set or not path:
             return None
         what = f"{_PARAMETERS} {path}"
         if self._session.due(what, now_s, self._machine.communication_retry_s):
-            self._parameters_set = self._session.ask(
-                what, lambda engine: engine.core_motion.config.ImportAndSetAll(path)
-            )
-        return None if self._parameters_set else (Stage.PARAMETERS, self._session.refusal(what, what))
+            imported = self._session.ask(what, lambda engine: engine.core_motion.config.ImportAndSetAll(path))
+            self._wrong_parameters = self._read_back() if imported else ""
+            self._parameters_set = imported and not self._wrong_parameters
+        if self._parameters_set:
+            return None
+        return Stage.PARAMETERS, self._wrong_parameters or self._session.refusal(what, what)
+
+    def _read_back(self) -> str:
+        """The first differences between the engine's parameters and the machine's; empty for none."""
+        expected, engine = self._machine.parameters, self._session.engine
+        if expected is None or engine is None:
+            return ""
+        wrong = list(differences(engine, expected, self._machine.names))
+        more = f"; and {len(wrong) - _REPORTED} more" if len(wrong) > _REPORTED else ""
+        return "; ".join(wrong[:_REPORTED]) + more
 
     def alarms(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
         faults = ", ".join(

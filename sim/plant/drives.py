@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.contract.frames import JOINTS
-from robot_stack.core.robot import Robot
+from robot_stack.core.robot import Motor, Robot
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback
 from sim.params import PositionLoop, SimParams, SpeedLoop
 from sim.plant import drive_loops as loops
@@ -28,15 +28,17 @@ class ServoDrives:
     """Eight drives on a bus with one cycle of latency each way.
 
     ``exchange`` is the engine's side (a ServoBus), ``step`` the world's. The engine sees positions in encoder counts,
-    speeds in counts/s, torque in percent of the motor's torque limit.
+    speeds in counts/s, torque in percent of the motor's rated torque. The motors are wired to the engine's axes as
+    ``robot.axes`` says; everything but ``exchange`` counts them by joint. Axes between them have no drive.
     """
-
-    n_axes = N_AXES
 
     def __init__(
         self, robot: Robot, params: SimParams, tolerances: Tolerances, dt_s: float, random: np.random.Generator
     ) -> None:
         self._dt_s = dt_s
+        self._wiring = Wiring.of(robot)
+        self.n_axes = self._wiring.n_axes
+        self._by_joint = DriveFeedback.zeros(N_AXES, 0)
         self._random = random
         self._noise = np.zeros((0, N_AXES))
         self._noise_row = 0
@@ -57,7 +59,7 @@ class ServoDrives:
         self._set_edge_inputs()
         self._silence_limit_s = params.drives.bus_watchdog_s
         self.outputs: NDArray[np.uint8] = np.zeros(0, np.uint8)
-        self._fill(DriveFeedback.zeros(N_AXES, 0))  # compiled now, not with the bus's first telegram
+        self._fill(DriveFeedback.zeros(self.n_axes, 0))  # compiled now, not with the bus's first telegram
 
     # --- the engine's side ----------------------------------------------------------------------------------------
 
@@ -65,7 +67,10 @@ class ServoDrives:
         """Receives ``out``, which acts in the next cycle, and fills ``inp`` with the measurements of the last one."""
         if not self._bus_up:
             return False
-        _copy(out, self._received)
+        if self._wiring.straight:
+            _copy(out, self._received)
+        else:
+            self._wiring.to_joints(out, self._received)
         self._fresh = True
         if self.outputs.size != out.outputs.size:
             self.outputs = np.zeros_like(out.outputs)
@@ -74,15 +79,18 @@ class ServoDrives:
         return True
 
     def _fill(self, inp: DriveFeedback) -> None:
+        read = inp if self._wiring.straight else self._by_joint
         loops.fill_feedback(
             self._parameters,
             self._state,
-            inp.position_counts,
-            inp.velocity_counts_per_s,
-            inp.torque_percent,
-            inp.servo_on,
-            inp.alarm_code,
+            read.position_counts,
+            read.velocity_counts_per_s,
+            read.torque_percent,
+            read.servo_on,
+            read.alarm_code,
         )
+        if not self._wiring.straight:
+            self._wiring.to_axes(read, inp)
         for (byte, bit), value in self._inputs.items():
             if byte < inp.inputs.size:
                 others = int(inp.inputs[byte]) & ~(1 << bit)
@@ -221,6 +229,46 @@ class ServoDrives:
 
 
 @dataclass(frozen=True, slots=True)
+class Wiring:
+    """Which axis of the engine each joint's drive is, and in which direction its motor turns.
+
+    axes: (8,) by joint. signs: (8,) 1 or -1. straight: joint i is axis i, and turns as the engine counts.
+    """
+
+    axes: NDArray[np.int64]
+    signs: NDArray[np.int64]
+    straight: bool
+
+    @classmethod
+    def of(cls, robot: Robot) -> Wiring:
+        signs = [robot.axes[joint].polarity for joint in JOINTS]
+        straight = robot.joint_axes == tuple(range(N_AXES)) and min(signs) > 0
+        return cls(np.array(robot.joint_axes, np.int64), np.array(signs, np.int64), straight)
+
+    @property
+    def n_axes(self) -> int:
+        return int(self.axes.max()) + 1
+
+    def to_joints(self, out: DriveCommands, received: DriveCommands) -> None:
+        """The engine's telegram, by joint and in the joints' direction."""
+        axes, signs = self.axes, self.signs
+        received.servo_on[:] = out.servo_on[axes]
+        received.mode[:] = out.mode[axes]
+        received.position_counts[:] = signs * out.position_counts[axes]
+        received.velocity_counts_per_s[:] = signs * out.velocity_counts_per_s[axes]
+        received.clear_alarm[:] = out.clear_alarm[axes]
+
+    def to_axes(self, by_joint: DriveFeedback, inp: DriveFeedback) -> None:
+        """The drives' answers by axis of the engine."""
+        axes, signs = self.axes, self.signs
+        inp.position_counts[axes] = signs * by_joint.position_counts
+        inp.velocity_counts_per_s[axes] = signs * by_joint.velocity_counts_per_s
+        inp.torque_percent[axes] = signs * by_joint.torque_percent
+        inp.servo_on[axes] = by_joint.servo_on
+        inp.alarm_code[axes] = by_joint.alarm_code
+
+
+@dataclass(frozen=True, slots=True)
 class JointIndex:
     """Where joints are in MuJoCo's qpos and qvel."""
 
@@ -241,11 +289,12 @@ def drive_parameters(
     """The parameter matrix of ``drive_loops`` for the eight axes; cogging phases are drawn from ``random``."""
     matrix = np.zeros((loops.N_PARAMETERS, N_AXES))
     phases = random.uniform(0.0, _TURN_RAD, N_AXES)
-    for axis in range(N_AXES):
+    for axis in range(N_AXES):  # by joint
         module, is_steering = divmod(axis, 2)
         rows = _common(params)
         rows |= _steering(robot, params) if is_steering else _drive(robot, params)
-        rows[loops.P_ZERO_ERROR] = tolerances.steering_zeros_rad[module] if is_steering else 0.0
+        zero_rad = robot.axes[JOINTS[axis]].zero_rad  # what the robot's encoder reads at the joint's zero
+        rows[loops.P_ZERO_ERROR] = zero_rad + (tolerances.steering_zeros_rad[module] if is_steering else 0.0)
         rows[loops.P_COGGING_PHASE] = float(phases[axis])
         lag_s = robot.steer.torque_lag_s if is_steering else robot.drive.torque_lag_s
         rows[loops.P_LAG_FACTOR] = 1.0 - math.exp(-dt_s / lag_s)
@@ -270,14 +319,15 @@ def _common(params: SimParams) -> dict[int, float]:
     }
 
 
-def _speed_loop(loop: SpeedLoop, max_torque_nm: float, max_speed_radps: float, params: SimParams) -> dict[int, float]:
+def _speed_loop(loop: SpeedLoop, motor: Motor, max_speed_radps: float, params: SimParams) -> dict[int, float]:
+    max_torque_nm = motor.max_torque_nm
     return {
         loops.P_SPEED_GAIN: loop.speed_gain_nms,
         loops.P_SPEED_INTEGRAL: loop.speed_integral_per_s,
         loops.P_FEEDFORWARD: loop.acceleration_feedforward_kgm2,
         loops.P_OBSERVER: loop.observer_bandwidth_radps,
         loops.P_MAX_TORQUE: max_torque_nm,
-        loops.P_RATED_TORQUE: max_torque_nm,
+        loops.P_RATED_TORQUE: motor.rated_torque_nm,
         loops.P_CORNER_SPEED: loop.constant_torque_speed_radps,
         loops.P_MAX_SPEED: max_speed_radps,
         loops.P_OVERSPEED: max_speed_radps * params.drives.overspeed_factor,
@@ -287,10 +337,10 @@ def _speed_loop(loop: SpeedLoop, max_torque_nm: float, max_speed_radps: float, p
 
 def _drive(robot: Robot, params: SimParams) -> dict[int, float]:
     drive, settings = robot.drive, params.drives
-    rows = _speed_loop(settings.drive, drive.max_torque_nm, drive.max_speed_radps, params)
+    rows = _speed_loop(settings.drive, drive, drive.max_speed_radps, params)
     return rows | {
         loops.P_HAS_BRAKE: 1.0,
-        loops.P_RAD_PER_COUNT: _TURN_RAD / drive.encoder_counts_per_rev,
+        loops.P_RAD_PER_COUNT: _TURN_RAD / drive.counts_per_turn,
         loops.P_BRAKE_TORQUE: drive.brake_torque_nm,
         loops.P_FRICTION: params.wheel.rolling_friction_nm,
         loops.P_STOP_DECELERATION: robot.emergency_deceleration_mps2 / robot.wheel_radius_m,
@@ -303,9 +353,9 @@ def _drive(robot: Robot, params: SimParams) -> dict[int, float]:
 def _steering(robot: Robot, params: SimParams) -> dict[int, float]:
     steer, settings = robot.steer, params.drives
     loop: PositionLoop = settings.steer
-    rows = _speed_loop(loop, steer.max_torque_nm, steer.max_rate_radps, params)
+    rows = _speed_loop(loop, steer, steer.max_rate_radps, params)
     return rows | {
-        loops.P_RAD_PER_COUNT: _TURN_RAD / steer.encoder_counts_per_rev,
+        loops.P_RAD_PER_COUNT: _TURN_RAD / steer.counts_per_turn,
         loops.P_POSITION_GAIN: loop.position_gain_per_s,
         loops.P_FRICTION: params.steering.friction_nm,
         loops.P_STOP_DECELERATION: steer.max_acceleration_radps2,

@@ -9,11 +9,13 @@ from __future__ import annotations
 from typing import Any, Final
 
 from robot_stack.wmx import MotionEngine
-from robot_stack.wmx.api import ErrorCode
+from robot_stack.wmx.api import ErrorCode, error_name
 from robot_stack.wmx.axes import AxisFeedback, StatusSnapshot, axis_feedback, empty_snapshot
 from robot_stack.wmx.config import EngineConfig
 from robot_stack.wmx.engine_server.engine import Engine
 from robot_stack.wmx.engine_server.requests import Session, execute
+from robot_stack.wmx.parameter_blocks import file_values
+from robot_stack.wmx.robot_parameters import robot_parameters
 from robot_stack.wmx.simulated.client import Device
 from robot_stack.wmx.simulated.library import library_of
 from sim.plant.simulation import Simulation
@@ -71,26 +73,36 @@ def snapshot_of(engine: Engine) -> StatusSnapshot:
 
 
 class LocalEngine:
-    """An engine on the drives of ``sim``, with an open device and the bus up after ``start``."""
+    """An engine on the drives of ``sim``. ``start`` opens a device, starts the bus and sets the robot's parameters."""
 
     def __init__(self, config: EngineConfig, sim: Simulation) -> None:
         self.engine = Engine(config, sim.world.drives)
         sim.engine_cycle = self.engine.cycle
         self._sim = sim
-        device = LocalDevice(self.engine)
+        device = self._device = LocalDevice(self.engine)
         library = library_of(lambda: device)
         self.client = MotionEngine(library, library.WMX3Api())
         self.api, self.core_motion, self.io = self.client.api, self.client.core_motion, self.client.io
 
     def start(self) -> None:
-        """Opens the device and starts communication. Raises RuntimeError if the bus does not come up."""
+        """Opens the device, starts communication and sets the robot's parameters, like the drive at its start.
+
+        Raises RuntimeError if the bus does not come up or the engine refuses them.
+        """
         self.api.CreateDevice("")
         self.api.StartCommunication()
         for _ in range(_COMMUNICATION_TRIES):
             if self.status().communicating:
+                self._set_parameters()
                 return
             self._sim.step()
         raise RuntimeError("the engine's bus does not come up")
+
+    def _set_parameters(self) -> None:
+        values = file_values(robot_parameters(self._sim.world.robot))
+        code = self._device.command("SetAllParameters", values.of_engine, values.of_axes)
+        if code:
+            raise RuntimeError(f"the engine refuses the robot's parameters: {error_name(code)} (error {code})")
 
     def status(self) -> StatusSnapshot:
         """The engine's status as it is now."""

@@ -234,7 +234,7 @@ def test_parameters_that_cannot_be_set_keep_servos_and_joint_states_off(
     engine.run()
     path = tmp_path / "missing.xml"
     node = Manipulator(start, peer, "-p", f"wmx_param_file_path:={path}")
-    node.wait_health(f"wmx_param_file_path {path}: FileOperationFailed")
+    node.wait_health(f"parameter file {path}: FileOperationFailed")
     assert "FileOperationFailed" in node.process.output()
     assert node.joints.items == []
     assert not status(engine).servo_on.any()

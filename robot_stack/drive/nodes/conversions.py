@@ -34,14 +34,16 @@ def wheel_commands(modules: ModuleSetPoints, stamp: Time) -> SwerveModuleCommand
     return message
 
 
-def joint_states(snapshot: StatusSnapshot, nm_per_percent: Sequence[float], stamp: Time) -> JointState:
-    """nm_per_percent: torque per percent of the axis' rated torque, by joint."""
+def joint_states(
+    snapshot: StatusSnapshot, axes: Sequence[int], nm_per_percent: Sequence[float], stamp: Time
+) -> JointState:
+    """axes: the engine's, by joint. nm_per_percent: torque per percent of the axis' rated torque, by joint."""
     message = JointState(name=list(frames.JOINTS))
     message.header.stamp, message.header.frame_id = stamp, frames.BASE_LINK
-    n = len(frames.JOINTS)
-    message.position = snapshot.actual_pos[:n].tolist()
-    message.velocity = snapshot.actual_velocity[:n].tolist()
-    percent = snapshot.actual_torque[:n].tolist()
+    index = list(axes)
+    message.position = snapshot.actual_pos[index].tolist()
+    message.velocity = snapshot.actual_velocity[index].tolist()
+    percent = snapshot.actual_torque[index].tolist()
     message.effort = [share * torque for share, torque in zip(percent, nm_per_percent, strict=True)]
     return message
 

@@ -6,7 +6,7 @@ import math
 
 from custom_msgs.msg import SwerveModuleCommandArray
 from robot_stack.contract import topics
-from robot_stack.contract.frames import DRIVE_AXES, JOINTS
+from robot_stack.contract.frames import JOINTS
 from robot_stack.drive.hardware_params import SwerveHardwareParams, axis_settings
 from robot_stack.drive.nodes.conversions import joint_states
 from robot_stack.drive.session import DriveSession
@@ -17,6 +17,7 @@ from robot_stack.wmx import connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import load_client_config
 from robot_stack.wmx.device_opener import ThreadedOpener
+from robot_stack.wmx.robot_parameters import robot_parameters, write_parameters
 from robot_stack.wmx.start_up import SessionState
 
 _COMMAND_STALE_S = topics.WHEEL_COMMANDS.stale_limit_s
@@ -30,12 +31,14 @@ class SwerveHardwareInterfaceNode(StackNode):
         client = load_client_config()
         axes = axis_settings(self.params, self.robot, topics.WHEEL_COMMANDS.nominal_rate_hz)
         self._max_wheel_speed_mps = axes.max_wheel_speed_mps
-        torque = {True: self.robot.drive.max_torque_nm, False: self.robot.steer.max_torque_nm}
-        self._nm_per_percent = [0.01 * torque[axis in DRIVE_AXES] for axis in range(len(JOINTS))]
+        self._nm_per_percent = [0.01 * self.robot.motor(joint).rated_torque_nm for joint in JOINTS]
+        parameters = robot_parameters(self.robot)
         self._session = DriveSession(
             lambda: connect("swerve_hardware_interface", client, timeout_s=0.0),
             self.params.session,
             axes,
+            parameters,
+            write_parameters(parameters),
             opener=lambda open_engine: self.device(ThreadedOpener, open_engine),
         )
         self._commanded_at_s = -math.inf
@@ -82,7 +85,7 @@ class SwerveHardwareInterfaceNode(StackNode):
         )
         if state.snapshot is not None:
             stamp = time_from_s(self.now_s() - self._age_s(state.snapshot))
-            self._joint_states.publish(joint_states(state.snapshot, self._nm_per_percent, stamp))
+            self._joint_states.publish(joint_states(state.snapshot, self.robot.joint_axes, self._nm_per_percent, stamp))
             self._watch(state.snapshot)
         self._report_state(state)
 
@@ -123,7 +126,7 @@ class SwerveHardwareInterfaceNode(StackNode):
         snapshot = self._session.poll(self.steady_s(), stop=self.emergency_stop, may_switch_on=False).snapshot
         if snapshot is None:
             return True
-        if self._session.standing(snapshot) and not snapshot.velocity_cmd[list(DRIVE_AXES)].any():
+        if self._session.standing(snapshot) and not any(self._session.wheel_speeds_radps(snapshot)):
             self._session.servos_off()
             return True
         self._watch(snapshot)

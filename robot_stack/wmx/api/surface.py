@@ -151,7 +151,7 @@ MOTION: Final[Table] = {
 VELOCITY: Final[Table] = {
     **_STOPS,
     "StartVel": Call((Commands(Velocity_VelCommand),), needed=True, bus=True),
-    "StartVel_TimedVel": Call((Commands(Velocity_TimedVelCommand),), bus=True),
+    "StartVel_TimedVel": Call((Commands(Velocity_TimedVelCommand),), needed=True, bus=True),
 }
 HOME: Final[Table] = {
     "StartHome": Call(_AXIS, bus=True),

@@ -45,7 +45,7 @@ class WheelSession:
             dict.fromkeys(params.axes, AxisCommandMode.Velocity),
             params.session.communication_retry_s,
             params.session.request_pause_s,
-            parameter_file,
+            parameter_file=parameter_file,
             restarts=True,
         )
         self._start = StartUp(engine, machine, fault=self._fault, standing=self.standing)

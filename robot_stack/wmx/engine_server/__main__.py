@@ -14,7 +14,6 @@ from robot_stack.wmx.config import EngineConfig, load_engine_config, read_engine
 from robot_stack.wmx.engine_server.engine import Engine
 from robot_stack.wmx.engine_server.server import EngineServer
 from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
-from robot_stack.wmx.simulated.parameter_file import ParameterValues, write_file
 
 
 def run_engine(config: EngineConfig, folder: Path, speed: float = 1.0) -> None:
@@ -38,7 +37,11 @@ def run_engine(config: EngineConfig, folder: Path, speed: float = 1.0) -> None:
 def _engine(config: EngineConfig) -> Engine:
     drives = VirtualDrives(config.n_axes, config.cycle_time_s)
     signal = config.estop_signal
-    if not signal.active:  # nothing is wired to virtual drives: the input rests
+    if (
+        signal is None
+    ):  # nothing is wired to virtual drives: a client's signal may be any input, all are normally closed
+        drives.inputs = dict.fromkeys(range(config.n_input_bytes), 0xFF)
+    elif not signal.active:
         drives.inputs = {signal.byte: 1 << signal.bit}
     return Engine(config, drives)
 
@@ -49,7 +52,6 @@ def main() -> int:
     parser.add_argument("--runtime-dir", type=Path, help="folder of socket and status; default the stack's own")
     parser.add_argument("--speed", type=float, default=1.0, help="engine time per real time, for tests")
     parser.add_argument("--compile", action="store_true", help="only compile the cycle for later starts, and end")
-    parser.add_argument("--export-parameters", metavar="FILE", help="only write the parameter file, and end")
     arguments = parser.parse_args()
     if not 0.0 < arguments.speed <= 1000.0:
         parser.error(f"--speed must be in (0, 1000], is {arguments.speed}")
@@ -57,9 +59,6 @@ def main() -> int:
         config = load_engine_config() if arguments.config is None else _read(arguments.config)
         if arguments.compile:
             _engine(config)
-            return 0
-        if arguments.export_parameters:
-            write_file(arguments.export_parameters, ParameterValues(*_engine(config).parameter_set.collect()))
             return 0
         run_engine(config, arguments.runtime_dir or runtime_dir(), arguments.speed)
     except (ConfigError, AlreadyRunning, OSError) as error:

@@ -26,7 +26,7 @@ from robot_stack.wmx.api.parameters import (
     Config_MotionParam,
 )
 from robot_stack.wmx.engine_server.checks import LARGEST, SMALLEST
-from robot_stack.wmx.engine_server.parameter_blocks import BLOCKS, AxisBlock
+from robot_stack.wmx.parameter_blocks import BLOCKS, AxisBlock
 
 GEAR_SMALLEST: Final = 1e-6
 GEAR_LARGEST: Final = 2147483647.0

@@ -12,13 +12,11 @@ from robot_stack.wmx.api.parameters import Config_EmergencyStopParam
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.engine_server import rows
 from robot_stack.wmx.engine_server.checks import LARGEST, target
-from robot_stack.wmx.engine_server.parameter_blocks import BLOCKS, AxisBlock
 from robot_stack.wmx.engine_server.parameter_checks import gear_in_range, valid_block
 from robot_stack.wmx.engine_server.parameters import Parameters
 from robot_stack.wmx.engine_server.state import EngineArrays
+from robot_stack.wmx.parameter_blocks import BLOCKS, AxisBlock, Entries, engine_entries, fill_blocks
 from robot_stack.wmx.simulated import parameter_layout as layout
-
-Entries = dict[str, layout.Number]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,14 +52,12 @@ class ParameterSet:
 
     def collect(self) -> tuple[list[layout.Number], list[list[layout.Number]]]:
         """Numbers of the engine, and of each axis."""
-        whole = dict(self._of_engine)
-        _fill(whole, layout.EMERGENCY_STOP_FIELDS, self._parameters.emergency_stop)
+        whole = engine_entries(self._parameters.emergency_stop, self._of_engine)
         return list(whole.values()), [list(self._collect_axis(axis).values()) for axis in range(self._a.n_axes)]
 
     def _collect_axis(self, axis: int) -> Entries:
         entries, parameters = dict(self._of_axes[axis]), self._parameters
-        for name, names in layout.BLOCK_FIELDS.items():
-            _fill(entries, names, parameters.get(name, axis))
+        fill_blocks(entries, {name: parameters.get(name, axis) for name in layout.BLOCK_FIELDS})
         entries[layout.ESTOP_DEC] = parameters.emergency_stop.eStopDec[axis]
         entries[layout.COMMAND_MODE] = int(self._a.flags[Flag.COMMAND_MODE, axis])
         entries[layout.GEAR_NUMERATOR], entries[layout.GEAR_DENOMINATOR] = parameters.gear[axis]
@@ -121,12 +117,6 @@ def rescale(a: EngineArrays, axis: int) -> None:
     command = a.flags[Flag.ENCODER_COMMAND, axis] / scale - offset
     a.reals[Real.POS_CMD, axis] = a.reals[Real.PROFILE_TARGET_POS, axis] = command
     a.flags[Flag.HOME_DONE, axis] = 0
-
-
-def _fill(entries: Entries, names: Mapping[str, str], block: Any) -> None:
-    for key, name in names.items():
-        value = getattr(block, name)
-        entries[key] = float(value) if isinstance(value, float) else int(value)
 
 
 def _entries(known: Mapping[str, layout.Number], numbers: Sequence[Any]) -> Entries | None:

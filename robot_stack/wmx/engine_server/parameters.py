@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 from robot_stack.wmx.api.enums import (
-    AxisCommandMode,
     Config_FollowingErrorAlarmType,
     Config_LimitSwitchType,
     Config_VelocityFollowingErrorAlarmType,
@@ -23,9 +22,9 @@ from robot_stack.wmx.api.parameters import (
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.config import EngineConfig
 from robot_stack.wmx.engine_server import rows
-from robot_stack.wmx.engine_server.parameter_blocks import AxisBlock, blocks_of, emergency_stop_of
 from robot_stack.wmx.engine_server.parameter_checks import gear_in_range, valid_block, valid_emergency_stop
 from robot_stack.wmx.engine_server.state import EngineArrays
+from robot_stack.wmx.parameter_blocks import AxisBlock, blocks_of, emergency_stop_of, mode_of
 
 
 class Parameters:
@@ -43,15 +42,15 @@ class Parameters:
 
     def reset(self) -> None:
         """The configuration's values for every axis."""
-        kinds = [self._config.axis_kind(axis) for axis in range(self._config.n_axes)]
+        start = self._config.parameters
+        kinds = start.axes
         self._axes = [blocks_of(kind) for kind in kinds]
         self.gear = [(kind.gear_numerator, kind.gear_denominator) for kind in kinds]
         self.polarity = [kind.polarity for kind in kinds]
         self._absolute = [kind.absolute_encoder for kind in kinds]
-        self.emergency_stop = emergency_stop_of(self._config, kinds)
+        self.emergency_stop = emergency_stop_of(start)
         for axis, kind in enumerate(kinds):
-            velocity = kind.mode == "velocity"
-            self._a.flags[Flag.COMMAND_MODE, axis] = AxisCommandMode.Velocity if velocity else AxisCommandMode.Position
+            self._a.flags[Flag.COMMAND_MODE, axis] = mode_of(kind)
             self._a.reals[Real.HOME_OFFSET, axis] = kind.home_offset_rad
             self._apply(axis)
 

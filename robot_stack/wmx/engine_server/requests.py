@@ -24,7 +24,7 @@ from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.engine_server import checks
 from robot_stack.wmx.engine_server.devices import Device
 from robot_stack.wmx.engine_server.engine import Engine
-from robot_stack.wmx.engine_server.parameter_blocks import block_name
+from robot_stack.wmx.parameter_blocks import block_name
 from robot_stack.wmx.simulated.parameter_layout import AXIS_ENTRIES, GLOBAL_ENTRIES
 from robot_stack.wmx.simulated.protocol import unpack
 from robot_stack.wmx.simulated.wire import BadArgument, an_int, decode, encode, items, number, request_name

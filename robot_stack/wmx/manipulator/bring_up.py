@@ -45,7 +45,7 @@ class BringUp:
             {},
             settings.communication_retry_s,
             settings.request_pause_s,
-            parameter_file,
+            parameter_file=parameter_file,
         )
         self._session = EngineSession(open_engine, patience)
         self._start = StartUp(
@@ -86,7 +86,7 @@ class BringUp:
         """
         self._emergency = stop
         state = self._start.poll(now_s, self._steps)
-        snapshot = None if state.stage is Stage.PARAMETERS else state.snapshot
+        snapshot = state.snapshot
         advances = snapshot is None or self._advances(snapshot.cycle_counter, now_s)
         if not advances and now_s - self._cycle_s >= self._params.status_stale_s:
             state, snapshot = SessionState(Stage.CONNECTING, "the engine's cycles do not advance"), None

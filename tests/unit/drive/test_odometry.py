@@ -235,8 +235,8 @@ def test_a_clock_that_was_set_back_leaves_a_speed():
 def test_encoders_with_counts(ride: PerfectRide):
     """With 16384 counts of the drive and 65536 of the steering, the rounding error stays small."""
     drive_step, steer_step = (
-        2 * math.pi / ROBOT.drive.encoder_counts_per_rev,
-        2 * math.pi / ROBOT.steer.encoder_counts_per_rev,
+        2 * math.pi / ROBOT.drive.counts_per_turn,
+        2 * math.pi / ROBOT.steer.counts_per_turn,
     )
 
     def counted(values: Four, step: float) -> Four:

@@ -1,26 +1,38 @@
-"""The engine session, tick by tick in fake time. The engine is a fake that returns the real return codes."""
+"""The engine session, tick by tick in fake time. The engine is a fake that returns the real return codes.
+
+Its parameters are those of a simulated engine, which starts with the vendor's defaults.
+"""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from robot_stack.core.config import load
+from robot_stack.contract.frames import JOINTS
+from robot_stack.core.config import load, validate
+from robot_stack.core.robot import Robot
 from robot_stack.drive.hardware_params import SwerveHardwareParams, axis_settings
 from robot_stack.drive.kinematics import ModuleSetPoints
 from robot_stack.drive.session import DriveSession
-from robot_stack.drive.wheel_axes import DriveMove, SteerMove
+from robot_stack.drive.wheel_axes import AxisSettings, DriveMove, SteerMove, drive_moves
 from robot_stack.wmx import EngineError
 from robot_stack.wmx.api import EngineState, ErrorCode, EStopLevel, ProfileType
 from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
+from robot_stack.wmx.config import EngineParameters
+from robot_stack.wmx.parameter_blocks import file_values
+from robot_stack.wmx.robot_parameters import robot_parameters
+from robot_stack.wmx.simulated.parameter_file import write_file
 from robot_stack.wmx.start_up import Stage
+from tests.support.local_engine import new_device
 from tests.unit.drive.robot import ROBOT
 
 PARAMS = load(SwerveHardwareParams, "swerve_hardware_interface")
 AXES = axis_settings(PARAMS, ROBOT, 50.0)
+PARAMETERS = robot_parameters(ROBOT)
 TICK_S = 0.02
 DRIVES = [DriveMove(0, 1.0, 10.0, 25.0, 0.1, 0.1)]
 STEERS = [SteerMove(1, 0.5, 1.0, 10.0)]
@@ -36,9 +48,11 @@ class FakeEngine:
         self.open = True
         snapshot = empty_snapshot(8)
         snapshot.flags[Flag.COMMAND_MODE] = [1, 0, 1, 0, 1, 0, 1, 0]
+        snapshot.flags[Flag.HOME_DONE] = 1
         self.snapshot: StatusSnapshot = replace(snapshot, engine_state=EngineState.Running)
         self.api = self.core_motion = self
-        self.axisControl = self.motion = self.velocity = self
+        self.axisControl = self.motion = self.velocity = self.config = self
+        self._parameters = new_device().core_motion.config
 
     def read_status(self) -> tuple[int, StatusSnapshot]:
         return self._answer("read_status"), self.snapshot
@@ -54,6 +68,11 @@ class FakeEngine:
     def set_flag(self, flag: Flag, axis: int | slice, value: int) -> None:
         self.snapshot.flags[flag, axis] = value
 
+    def __getattr__(self, name: str) -> Any:
+        if not name.startswith("Get"):
+            raise AttributeError(name)
+        return getattr(self._parameters, name)
+
     # The vendor's method names. Unlike in the real engine, a request changes the status at once.
 
     def GetDeviceName(self) -> tuple[int, str]:  # noqa: N802
@@ -65,6 +84,9 @@ class FakeEngine:
         if not code:
             self.snapshot = replace(self.snapshot, engine_state=EngineState.Communicating)
         return code
+
+    def ImportAndSetAll(self, path: str) -> int:  # noqa: N802
+        return self._answer("ImportAndSetAll") or self._parameters.ImportAndSetAll(path)
 
     def SetAxisCommandMode(self, axis: int, mode: int) -> int:  # noqa: N802
         self.set_flag(Flag.COMMAND_MODE, axis, mode)
@@ -115,12 +137,12 @@ class FakeEngine:
 class Story:
     """A session in fake time."""
 
-    def __init__(self) -> None:
+    def __init__(self, file: Path, axes: AxisSettings = AXES, parameters: EngineParameters = PARAMETERS) -> None:
         self.engine = FakeEngine()
         self.refusals: list[int] = []  # codes returned by the next attempts to open a device
         self.opened = 0
         self.now_s = 100.0
-        self.session = DriveSession(self._open, PARAMS.session, AXES)
+        self.session = DriveSession(self._open, PARAMS.session, axes, parameters, str(file))
 
     def _open(self) -> FakeEngine:  # type: ignore[override]
         if self.refusals:
@@ -142,9 +164,16 @@ class Story:
         return self
 
 
+@pytest.fixture(scope="module")
+def file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("parameters") / "robot.xml"
+    write_file(str(path), file_values(PARAMETERS))
+    return path
+
+
 @pytest.fixture
-def story() -> Story:
-    return Story()
+def story(file: Path) -> Story:
+    return Story(file)
 
 
 # --- start
@@ -158,8 +187,96 @@ def test_from_nothing_to_ready(story: Story):
     assert story.tick()[0] is Stage.READY
     assert [call for call in story.engine.calls if call != "GetDeviceName"] == [
         "StartCommunication",
+        "ImportAndSetAll",
         "SetServoOn(1)",
     ]
+
+
+def test_no_servo_comes_on_and_no_position_is_valid_without_the_parameters(story: Story, file: Path):
+    story.engine.codes["ImportAndSetAll"] = ErrorCode.NotIdleState
+    stage, text = story.tick(3.0)
+    assert (stage, text) == (Stage.PARAMETERS, f"parameter file {file}: NotIdleState (error 1546)")
+    assert story.session.state.snapshot is None
+    assert story.engine.calls.count("ImportAndSetAll") == 2  # one every 2 s
+    assert "SetServoOn(1)" not in story.engine.calls
+    story.engine.codes.clear()
+    story.tick(2.1)
+    assert story.session.ready
+
+
+def test_an_emergency_stop_reaches_axes_whose_parameters_are_not_set(story: Story):
+    story.engine.codes["ImportAndSetAll"] = ErrorCode.NotIdleState
+    story.tick(0.2, stop=True)
+    assert story.session.state.stage is Stage.PARAMETERS
+    assert story.engine.snapshot.emergency_stop
+    story.engine.codes.clear()
+    assert story.tick(2.1, stop=True) == (Stage.STOPPED, "emergency stop")
+
+
+def test_parameters_other_than_the_robots_are_a_start_error(tmp_path: Path):
+    """The file on disk was changed after it was written: what the engine has is not what the robot needs."""
+    other = PARAMETERS.axes[2].model_copy(update={"estop_dec_radps2": 100000.0, "polarity": -1})
+    axes = (*PARAMETERS.axes[:2], other, *PARAMETERS.axes[3:])
+    write_file(str(tmp_path / "robot.xml"), file_values(replace(PARAMETERS, axes=axes)))
+    story = Story(tmp_path / "robot.xml")
+    stage, text = story.tick(3.0)
+    assert stage is Stage.PARAMETERS
+    assert text == (
+        "axis 2 (fr_drive): axisPolarity is -1, expected 1; axis 2 (fr_drive): eStopDec is 100000, expected 24.24242424"
+    )
+    assert "SetServoOn(1)" not in story.engine.calls
+    write_file(str(tmp_path / "robot.xml"), file_values(PARAMETERS))
+    story.tick(2.1)
+    assert story.session.ready
+
+
+def test_a_new_engine_gets_the_parameters_again(story: Story):
+    story.ready()
+    story.engine.codes["GetDeviceName"] = ErrorCode.IMLibIsNotRunning
+    story.tick(0.1)
+    story.engine = FakeEngine()
+    story.tick(0.5)
+    assert story.session.ready
+    assert story.engine.calls.count("ImportAndSetAll") == 1
+
+
+def test_steering_without_home_does_not_move(story: Story):
+    """Its servos come on, because a homing needs them."""
+    story.engine.set_flag(Flag.HOME_DONE, 1, 0)
+    story.engine.set_flag(Flag.HOME_DONE, 5, 0)
+    stage, text = story.tick(1.0)
+    assert stage is Stage.HOMING
+    assert text == "not homed: fl_steer, rl_steer; align the wheels and run robot-stack wmx home"
+    assert story.engine.snapshot.servo_on.all()
+    assert story.session.follow(ModuleSetPoints((0.1,) * 4, (0.2,) * 4)).problem == f"not ready: {text}"
+    assert story.session.move(DRIVES, STEERS).set_points is None
+    assert not {"StartPos", "StartVel_TimedVel"} & set(story.engine.calls)
+    story.engine.set_flag(Flag.HOME_DONE, slice(None), 1)
+    story.tick()
+    assert story.session.ready
+
+
+def test_wheels_need_no_home(story: Story):
+    for axis in AXES.drive_axes:
+        story.engine.set_flag(Flag.HOME_DONE, axis, 0)
+    story.ready()
+
+
+def test_axes_are_the_robots(tmp_path: Path):
+    """Wheels on axes 3 to 0, steering on 4 to 7."""
+    numbers = [number for pair in zip((3, 2, 1, 0), (4, 5, 6, 7), strict=True) for number in pair]
+    data = ROBOT.model_dump()
+    for joint, number in zip(JOINTS, numbers, strict=True):
+        data["axes"][joint]["number"] = number
+    robot = validate(Robot, data, "robot.yaml")
+    write_file(str(tmp_path / "robot.xml"), file_values(robot_parameters(robot)))
+    story = Story(tmp_path / "robot.xml", axis_settings(PARAMS, robot, 50.0), robot_parameters(robot))
+    story.ready()
+    assert story.engine.snapshot.flags[Flag.COMMAND_MODE].tolist() == [1, 1, 1, 1, 0, 0, 0, 0]
+    story.engine.set_flag(Flag.AMP_ALARM, 0, 1)
+    assert story.tick() == (Stage.TRIPPED, "rr_drive alarm 0")
+    moves = drive_moves((0.1, 0.2, 0.3, 0.4), [0.0] * 4, axis_settings(PARAMS, robot, 50.0))
+    assert [move.axis for move in moves] == [3, 2, 1, 0]
 
 
 def test_wrong_modes_are_set_before_the_servos_come_on(story: Story):

@@ -18,8 +18,8 @@ from sim.worldfile import load_world
 ROBOT: Robot = load_robot()
 PARAMS: SimParams = load_sim_params()
 DRIVES, STEERS = [0, 2, 4, 6], [1, 3, 5, 7]
-DRIVE_RAD_PER_COUNT = 2.0 * math.pi / ROBOT.drive.encoder_counts_per_rev
-STEER_RAD_PER_COUNT = 2.0 * math.pi / ROBOT.steer.encoder_counts_per_rev
+DRIVE_RAD_PER_COUNT = 2.0 * math.pi / ROBOT.drive.counts_per_turn
+STEER_RAD_PER_COUNT = 2.0 * math.pi / ROBOT.steer.counts_per_turn
 
 
 class Bench:

@@ -28,7 +28,7 @@ from robot_stack.localization.params import LocalizationParams
 from robot_stack.middleware.conversions import pose_from_msg
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
-from robot_stack.wmx.config import load_engine_config
+from robot_stack.wmx.robot_parameters import robot_parameters
 from sim.camera.motion import still
 from sim.lidar.params import load_lidar_params
 from sim.lidar.scene import build_scene
@@ -134,7 +134,7 @@ def test_docks_and_engine_limits_are_derived_from_robot(size: str) -> None:
     assert chair.dock_pose.x_m == pytest.approx(-0.45 - robot.latch.x_m)
     assert charger.dock_pose.x_m == pytest.approx(-0.60 + robot.rear_camera_xyz_m[0])
     assert chair.staging.x_m == pytest.approx(-4.50 + 0.45 + robot.latch.x_m + 1.5)
-    wheel = load_engine_config().kinds["drive"]
+    wheel = robot_parameters(robot).axes[robot.axes["fl_drive"].number]
     assert wheel.estop_dec_radps2 == pytest.approx(shipped.emergency_deceleration_mps2 / robot.wheel_radius_m)
 
 

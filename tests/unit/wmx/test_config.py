@@ -10,9 +10,6 @@ import pytest
 import yaml
 
 from robot_stack.core.config import ConfigError, config_dir, read_yaml, validate
-from robot_stack.core.robot import load_robot
-from robot_stack.wmx.api import AxisCommandMode, Config_EStopSignalSource, EStopLevel
-from robot_stack.wmx.axes import Flag
 from robot_stack.wmx.config import (
     ClientConfig,
     EngineConfig,
@@ -22,65 +19,38 @@ from robot_stack.wmx.config import (
 )
 from robot_stack.wmx.engine_server.engine import Engine
 from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
+from robot_stack.wmx.simulated.parameter_layout import AXIS_ENTRIES, ESTOP_DEC, GLOBAL_ENTRIES
 from tests.unit.wmx.harness import axis_kind, client_config, engine_data, runtime_folder
+
+SHIPPED = config_dir()
 
 
 class TestRobotsEngine:
     def test_axes_are_the_robots_joints_in_order(self) -> None:
-        config = load_engine_config()
         corners = ("fl", "fr", "rl", "rr")
-        assert [axis.name for axis in config.axes] == [f"{c}_{j}" for c in corners for j in ("drive", "steer")]
-        modes = [config.axis_kind(axis).mode for axis in range(8)]
-        assert modes == ["velocity", "position"] * 4
+        names = [axis.name for axis in load_engine_config().axes]
+        assert names == [f"{corner}_{joint}" for corner in corners for joint in ("drive", "steer")]
 
-    def test_gear_ratios_are_the_robots_encoders(self) -> None:
-        config, robot = load_engine_config(), load_robot()
-        for axis in range(8):
-            encoder = (robot.drive if axis % 2 == 0 else robot.steer).encoder_counts_per_rev
-            assert config.axis_kind(axis).counts_per_rad == pytest.approx(encoder / (2.0 * math.pi))
-
-    def test_emergency_deceleration_is_the_robots(self) -> None:
-        config, robot = load_engine_config(), load_robot()
-        at_the_wheel = robot.emergency_deceleration_mps2 / robot.wheel_radius_m
-        assert config.kinds["drive"].estop_dec_radps2 == pytest.approx(at_the_wheel, rel=1e-4)
-        assert config.kinds["drive"].quick_stop_dec_radps2 == pytest.approx(at_the_wheel, rel=1e-4)
-        assert config.kinds["steer"].estop_dec_radps2 <= robot.steer.max_acceleration_radps2
-
-    def test_relay_of_the_safety_edge_stops_the_engine(self) -> None:
-        signal, edge = load_engine_config().estop_signal, load_robot().safety_edge
-        assert edge is not None
-        assert (signal.enabled, signal.byte, signal.bit) == (True, edge.byte, edge.relay_input_bit)
-        assert (signal.active, signal.level) == (0, "level1"), "normally closed"
-
-    def test_a_robot_without_an_edge_has_no_input_that_stops_the_engine(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_axes_follow_the_robots_numbers(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         robot = read_yaml(config_dir() / "robot.yaml")
-        del robot["safety_edge"]
+        robot["axes"]["rr_steer"]["number"] = 9
         (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot), encoding="utf-8")
-        (tmp_path / "wmx_engine.yaml").write_text((config_dir() / "wmx_engine.yaml").read_text(encoding="utf-8"))
         monkeypatch.setenv("ROBOT_STACK_CONFIG", str(tmp_path))
-        assert not load_engine_config().estop_signal.enabled
+        names = [axis.name for axis in read_engine_config(SHIPPED / "wmx_engine.yaml").axes]
+        assert names[6:] == ["rr_drive", "axis7", "axis8", "rr_steer"]
 
-    def test_another_input_of_the_robot_is_refused(self, tmp_path: Path) -> None:
-        text = (config_dir() / "wmx_engine.yaml").read_text(encoding="utf-8")
-        file = tmp_path / "engine.yaml"
-        file.write_text(text.replace("robot_input: safety_edge", "robot_input: bumper"), encoding="utf-8")
-        with pytest.raises(ConfigError, match="robot_input must be safety_edge, is 'bumper'"):
-            read_engine_config(file)
+    def test_it_starts_with_the_vendors_defaults(self) -> None:
+        """The robot's values come by import alone: gear 1:1, 100000 counts/s2, no input that stops the engine."""
+        config = load_engine_config()
+        engine = Engine(config, VirtualDrives(8, config.cycle_time_s))
+        of_engine, of_axes = engine.parameter_set.collect()
+        assert of_engine == list(GLOBAL_ENTRIES.values())
+        assert of_axes == [list(AXIS_ENTRIES.values())] * 8
+        assert AXIS_ENTRIES[ESTOP_DEC] == 100000.0
+        assert not engine.parameters.emergency_stop.enableEStopSignal
 
     def test_cycle_is_a_millisecond(self) -> None:
         assert load_engine_config().cycle_time_s == 0.001
-
-    def test_engine_takes_it_over(self) -> None:
-        config = load_engine_config()
-        engine = Engine(config, VirtualDrives(8, config.cycle_time_s))
-        modes = [AxisCommandMode.Velocity, AxisCommandMode.Position] * 4
-        assert engine.arrays.flags[Flag.COMMAND_MODE].tolist() == modes
-        stop = engine.parameters.emergency_stop
-        assert stop.eStopDec[0] == pytest.approx(2.0 / 0.0825)
-        assert stop.eStopSignalSource == Config_EStopSignalSource.Input
-        assert stop.eStopSignalLevel == EStopLevel.Level1
 
     def test_client(self) -> None:
         config = load_client_config()

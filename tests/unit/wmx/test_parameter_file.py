@@ -11,7 +11,10 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
+from robot_stack.cli.app import app
+from robot_stack.cli.errors import CommandError
 from robot_stack.core.config import config_dir, load
 from robot_stack.wmx.api import (
     AxisCommandMode,
@@ -25,7 +28,6 @@ from robot_stack.wmx.api import (
 )
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.config import EngineConfig
-from robot_stack.wmx.engine_server import __main__ as process
 from robot_stack.wmx.engine_server.engine import Engine
 from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 from robot_stack.wmx.simulated.parameter_file import (
@@ -336,23 +338,24 @@ def arm() -> Engine:
 
 
 class TestArmsFile:
-    """config/wmx/cr3a_wmx_parameters.xml, written by ``robot_stack.wmx.engine_server --export-parameters``."""
+    """config/wmx/cr3a_wmx_parameters.xml, written by ``robot-stack wmx export --engine-config``."""
 
     PATH = config_dir() / "wmx" / "cr3a_wmx_parameters.xml"
 
     def test_shipped_parameter_file_equals_engine_defaults_of_arm(self, arm: Engine) -> None:
         assert self.PATH.read_text(encoding="utf-8") == render(values(arm)), "export it again"
 
-    def test_it_is_written_without_running_a_server(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-    ) -> None:
-        arguments = ["engine", "--config", str(config_dir() / "wmx_engine_manipulator.yaml"), "--export-parameters"]
-        monkeypatch.setattr("sys.argv", [*arguments, str(tmp_path / "written.xml")])
-        assert process.main() == 0
-        assert (tmp_path / "written.xml").read_bytes() == self.PATH.read_bytes()
-        monkeypatch.setattr("sys.argv", [*arguments, str(tmp_path / "no" / "folder.xml")])
-        assert process.main() == 1
-        assert "No such file" in capsys.readouterr().err
+    def test_export_writes_it_without_an_engine(self, tmp_path: Path) -> None:
+        engine_config = str(config_dir() / "wmx_engine_manipulator.yaml")
+        written = tmp_path / "written.xml"
+        result = CliRunner().invoke(app, ["wmx", "export", str(written), "--engine-config", engine_config])
+        assert result.exit_code == 0
+        assert written.read_bytes() == self.PATH.read_bytes()
+
+    def test_a_folder_that_does_not_exist_is_named(self, tmp_path: Path) -> None:
+        result = CliRunner().invoke(app, ["wmx", "export", str(tmp_path / "no" / "folder.xml")])
+        assert isinstance(result.exception, CommandError)
+        assert "folder.xml cannot be written: No such file" in str(result.exception)
 
     def test_the_engine_takes_it(self, arm: Engine) -> None:
         read = read_file(str(self.PATH), arm.arrays.n_axes)

@@ -233,7 +233,7 @@ def test_absent_engine_is_waited_for_a_refusing_one_named(story: Story) -> None:
     ("call", "stage", "says"),
     [
         ("StartCommunication", Stage.COMMUNICATION, "starting communication: SystemError (error 1280)"),
-        ("ImportAndSetAll", Stage.PARAMETERS, "wmx_param_file_path /p.xml: SystemError (error 1280)"),
+        ("ImportAndSetAll", Stage.PARAMETERS, "parameter file /p.xml: SystemError (error 1280)"),
         ("SetAxisCommandMode", Stage.SWITCHING_ON, "command mode: SystemError (error 1280)"),
         ("SetServoOn", Stage.SWITCHING_ON, "servo on: SystemError (error 1280)"),
     ],

@@ -123,7 +123,7 @@ def test_nothing_is_known_before_the_parameters_are_set():
     story.engine.codes["ImportAndSetAll"] = 65542
     assert story.run(3.2) is None
     assert story.stage is Stage.PARAMETERS
-    assert story.text == "wmx_param_file_path /arm.xml: ParameterFileParseError (error 65542)"
+    assert story.text == "parameter file /arm.xml: ParameterFileParseError (error 65542)"
     assert story.engine.calls == ["ImportAndSetAll(/arm.xml)"] * 2, "every 3 s, and no servo"
     story.engine.codes.clear()
     assert story.run(3.0) is not None
