@@ -45,6 +45,8 @@ class ServoDrives:
         self._parameters = drive_parameters(robot, params, tolerances, dt_s, random)
         self._state = np.zeros((loops.N_STATES, N_AXES))
         self._state[loops.S_BRAKE_CLOSED] = self._parameters[loops.P_HAS_BRAKE]
+        # A drive knows its angle at power-on: its observer must not begin with a jump.
+        self._state[loops.S_ANGLE] = [robot.axes[joint].zero_rad for joint in JOINTS]
         self._received = DriveCommands.zeros(N_AXES, 0)
         self._active = DriveCommands.zeros(N_AXES, 0)
         self._fresh = False

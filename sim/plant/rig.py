@@ -57,7 +57,7 @@ class Rig:
         self._radius_m = robot.wheel_radius_m
         self.on_imu: Callable[[ImuSample], None] = lambda _: None
         self.engine.start()
-        for axis in (*DRIVE_AXES, *STEER_AXES):
+        for axis in (*self._axes.drive_axes, *self._axes.steer_axes):
             self.engine.core_motion.axisControl.SetServoOn(axis, 1)
         self._steps(_SERVOS_ON_S)
 
@@ -78,8 +78,8 @@ class Rig:
     def command(self, modules: ModuleSetPoints) -> bool:
         """Sends set points to the engine, like the hardware interface. False if the engine refused."""
         status, core = self.engine.status(), self.engine.core_motion
-        drives = drive_moves(modules.speeds_mps, status.velocity_cmd[list(DRIVE_AXES)].tolist(), self._axes)
-        steers = steer_moves(modules.angles_rad, status.pos_cmd[list(STEER_AXES)].tolist(), self._axes)
+        drives = drive_moves(modules.speeds_mps, status.velocity_cmd[list(self._axes.drive_axes)].tolist(), self._axes)
+        steers = steer_moves(modules.angles_rad, status.pos_cmd[list(self._axes.steer_axes)].tolist(), self._axes)
         codes = (
             axis_commands.drive(core, drives, self._axes.command_lifetime_s),
             axis_commands.steer(core, steers),
@@ -97,9 +97,8 @@ class Rig:
     def encoders(self) -> Encoders:
         """The engine's joint positions."""
         positions = self.engine.status().actual_pos
-        return Encoders(
-            self.sim.time_s, _four(positions[list(DRIVE_AXES)].tolist()), _four(positions[list(STEER_AXES)].tolist())
-        )
+        drive, steer = list(self._axes.drive_axes), list(self._axes.steer_axes)
+        return Encoders(self.sim.time_s, _four(positions[drive].tolist()), _four(positions[steer].tolist()))
 
     def moment(self) -> Moment:
         """The ground truth now."""

@@ -19,5 +19,5 @@ def warm_up() -> None:
     random, cycle_s = np.random.default_rng(0), params.physics.timestep_s
     drives = ServoDrives(robot, params, nominal_tolerances(robot), cycle_s, random)
     axes, standing = np.arange(N_AXES), np.zeros(N_AXES)
-    drives.exchange(DriveCommands.zeros(N_AXES, _BYTES), DriveFeedback.zeros(N_AXES, _BYTES))
+    drives.exchange(DriveCommands.zeros(drives.n_axes, _BYTES), DriveFeedback.zeros(drives.n_axes, _BYTES))
     drives.step(standing, standing, JointIndex(axes, axes), np.zeros(N_AXES), np.zeros(N_AXES))

@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Callable
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from std_msgs.msg import Bool
 
 from custom_msgs.msg import SafetyStatus, SwerveModuleCommand, SwerveModuleCommandArray
 from robot_stack.contract import topics
 from robot_stack.contract.frames import DRIVE_AXES, JOINTS, STEER_AXES
+from robot_stack.core.config import config_dir, read_yaml
 from robot_stack.core.robot import load_robot
+from robot_stack.core.runtime import runtime_dir
 from robot_stack.middleware.conversions import time_from_s, time_to_s
 from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.home_steering import home_axes
 from tests.simulated.bench import COMPUTE_S, LATENCY_S, Bench
 
 RADIUS_M = load_robot().wheel_radius_m
@@ -127,6 +133,61 @@ def test_joint_states_of_all_axes_at_their_rate(rig: Rig) -> None:
         [TICK_S] * (len(stamps) - 1), abs=BLOCK_S + 1e-6
     )
     assert 0.0 <= rig.bench.stamp_s() - stamps[-1] <= TICK_S + BLOCK_S + COMPUTE_S + LATENCY_S + 1e-6
+
+
+def test_engine_is_configured_before_the_servos_come_on(rig: Rig) -> None:
+    """Without the drive the engine has the vendor's parameters; with it those of config/robot.yaml."""
+    rig.engine.run()
+    config = rig.engine.device.core_motion.config
+    assert config.GetGearRatio(0) == (0, 1.0, 1.0)
+    assert config.GetEmergencyStopParam()[1].eStopDec[0] == 100000.0
+    rig.start_node()  # without the safety monitor no servo may come on
+    rig.says("waiting for the safety monitor")
+    robot = load_robot()
+    assert config.GetGearRatio(0) == (0, 16384.0, pytest.approx(math.tau))
+    stop = config.GetEmergencyStopParam()[1]
+    assert stop.eStopDec[0] == pytest.approx(robot.emergency_deceleration_mps2 / RADIUS_M)
+    assert stop.enableEStopSignal
+    assert not rig.status().servo_on.any()
+    rig.joints.wait()
+
+
+def test_parameters_that_are_not_the_robots_are_a_start_error(rig: Rig) -> None:
+    """The file was changed between its export and the start of the engine."""
+    rig.safety(WELL)
+    rig.start_node()
+    file = runtime_dir() / "robot_wmx_parameters.xml"
+    text = file.read_text(encoding="utf-8")
+    changed = text.replace("<EStopDec>60.000000</EStopDec>", "<EStopDec>100000.000000</EStopDec>", 1)
+    assert changed != text
+    file.write_text(changed, encoding="utf-8")
+    rig.engine.run()
+    rig.says("axis 1 (fl_steer): eStopDec is 100000, expected 60")
+    rig.bench.run(3.0)
+    assert not rig.status().servo_on.any()
+    assert rig.joints.items == []
+    file.write_text(text, encoding="utf-8")
+    rig.wait_servos()
+
+
+def test_steering_that_is_not_homed_does_not_move(rig: Rig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = tmp_path / "config"
+    shutil.copytree(config_dir(), folder)
+    robot = read_yaml(folder / "robot.yaml")
+    robot["steer"]["absolute_encoder"] = False
+    (folder / "robot.yaml").write_text(yaml.safe_dump(robot), encoding="utf-8")
+    monkeypatch.setenv("ROBOT_STACK_CONFIG", str(folder))
+    rig.ready()
+    rig.command(0.5, 0.4)
+    rig.says("not homed: fl_steer, fr_steer, rl_steer, rr_steer; align the wheels and run robot-stack wmx home")
+    rig.bench.run(1.0)
+    assert not rig.status().pos_cmd.any()
+    steering = {axis: JOINTS[axis] for axis in STEER_AXES}
+    rig.command(0.0)
+    home_axes(rig.engine.device, steering, dict(enumerate(JOINTS)), pause=rig.bench.run, timeout_s=5.0)
+    rig.command(0.5, 0.4)
+    rig.wait_speed(0.5)
+    rig.wait_status(lambda s: (abs(headings_rad(s) - 0.4) < 0.001).all(), "headings of 0.4 rad")
 
 
 def test_node_waits_for_a_late_engine(rig: Rig) -> None:

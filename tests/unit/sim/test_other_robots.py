@@ -6,6 +6,7 @@ On the deterministic scheduler, with the nodes of drive, localization, navigatio
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import yaml
 from scipy.spatial.transform import Rotation
 
 from robot_stack.contract import topics
-from robot_stack.core.config import ConfigError, config_dir, load
+from robot_stack.core.config import ConfigError, config_dir, load, read_yaml
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import IDENTITY, Pose2
 from robot_stack.core.point_cloud import xyz_of
@@ -77,6 +78,33 @@ def test_it_drives_to_a_goal(size: str) -> None:
         assert abs(pose.relative_to(goal).yaw) < math.radians(2.0)
         measured = pose_from_msg(odometry[-1].pose.pose)
         assert measured.distance_to(pose) < 0.02, "odometry measures with the robot's own wheels"
+
+
+def test_robot_with_other_motors_drives_to_a_goal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Motors with gears, on other axes of the engine, the right side mounted the other way, encoders with a zero.
+
+    The motors turn as they are wired, whatever the engine assumes: only the imported parameters make them fit.
+    """
+    folder = tmp_path / "config"
+    shutil.copytree(config_dir(), folder)
+    robot = read_yaml(folder / "robot.yaml")
+    robot["drive"] |= {"encoder_counts_per_rev": 8192, "gear_numerator": 25.0, "gear_denominator": 2.0}
+    robot["steer"] |= {"gear_numerator": 9.0}
+    for place, axis in enumerate(robot["axes"].values()):
+        axis["number"] = 9 - place
+    for name in ("fr_drive", "fr_steer", "rr_drive"):
+        robot["axes"][name]["polarity"] = -1
+    robot["axes"]["fr_steer"]["zero_rad"] = 0.4
+    robot["axes"]["rl_steer"]["zero_rad"] = -1.1
+    (folder / "robot.yaml").write_text(yaml.safe_dump(robot), encoding="utf-8")
+    monkeypatch.setenv("ROBOT_STACK_CONFIG", str(folder))
+    with TrackedRide(1) as stack:
+        goal = Pose2(1.6, 0.7, 0.8)
+        stack.go(goal)
+        assert stack.scheduler.run_for(20.0, lambda: stack.samples[-1].output.reached)
+        pose, _ = stack.truth()
+        assert pose.distance_to(goal) < 0.05
+        assert abs(pose.relative_to(goal).yaw) < math.radians(2.0)
 
 
 @pytest.mark.timeout(900)  # two dockings, the first of which teaches

@@ -31,6 +31,7 @@ from robot_stack.wmx.api import (
 from robot_stack.wmx.api.surface import BLOCKS, ENGINE_BLOCK
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.config import ClientConfig
+from robot_stack.wmx.read_back import differences
 from robot_stack.wmx.session import EngineSession, Patience
 from robot_stack.wmx.vendor import records
 from robot_stack.wmx.vendor.names import STRANGER, NumberMap, error_map
@@ -40,7 +41,7 @@ from tests.support.waiting import wait_for
 from tests.support.wmx.vendor_fake import VARIANTS
 from tests.support.wmx.vendor_module import fake_module, no_module, write_module
 from tests.unit.wmx.conformance import GOOD, pos, vel
-from tests.unit.wmx.harness import N_AXES, POS, VEL, client_config, status, wait_idle
+from tests.unit.wmx.harness import N_AXES, POS, VEL, client_config, engine_config, status, wait_idle
 from tests.unit.wmx.vendor_calls import CALLS, ELSEWHERE, check
 from tests.unit.wmx.vendor_harness import VendorHarness, vendor_harness
 
@@ -224,6 +225,19 @@ class TestCalls:
         first = ["WMX3Api.IsDeviceValid", "WMX3Api.CreateDevice", "WMX3Api.SetDeviceName"]
         assert called[:3] == first
         assert called[-1] == "WMX3Api.CloseDevice"
+
+    def test_parameters_are_read_back(self, harness: VendorHarness) -> None:
+        """The start's comparison reads the vendor's blocks; a value of one axis is named."""
+        engine, names = harness.ready(), {axis: f"axis {axis}" for axis in range(N_AXES)}
+        config = engine.core_motion.config
+        found = [text for text in differences(engine, engine_config().parameters, names) if "cannot be read" in text]
+        assert found == []
+        code, motion = config.GetMotionParam(VEL)
+        assert code == GOOD
+        motion.quickStopDec = 12345.0
+        assert config.SetMotionParam(VEL, motion)[0] == GOOD
+        found = list(differences(engine, engine_config().parameters, names))
+        assert f"axis {VEL} (axis {VEL}): quickStopDec is 12345, expected 200" in found
 
     def test_numbers_of_numpy(self, harness: VendorHarness) -> None:
         """Axes and values are often array elements, but the vendor's wrapper accepts only Python numbers."""
