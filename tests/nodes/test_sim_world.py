@@ -19,6 +19,7 @@ from robot_stack.core.robot import load_robot
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.wmx import MotionEngine, connect
 from robot_stack.wmx.api.values import Profile, Velocity_VelCommand
+from robot_stack.wmx.robot_parameters import robot_parameters, write_parameters
 from sim.worldfile import load_world
 from tests.support.peer import Heard, Peer
 from tests.support.processes import NodeProcess
@@ -48,8 +49,9 @@ def rate_hz(heard: Heard, over_s: float) -> float:
 
 
 def drive_on(engine: MotionEngine, speed_mps: float) -> None:
-    """Starts the bus, switches the servos on and turns all wheels at a speed."""
+    """Starts the bus, sets the robot's parameters, switches the servos on and turns all wheels at a speed."""
     assert engine.api.StartCommunication(60000) == 0
+    assert engine.core_motion.config.ImportAndSetAll(write_parameters(robot_parameters(ROBOT))) == 0
     for axis in range(8):
         assert engine.core_motion.axisControl.SetServoOn(axis, 1) == 0
     wait_for(lambda: engine.read_status()[1].servo_on.all(), "servos on")
