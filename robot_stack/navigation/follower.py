@@ -16,12 +16,14 @@ import numpy as np
 import numpy.typing as npt
 
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
+from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.limits import PlanningLimits
 from robot_stack.navigation.local_map import LocalMap
 from robot_stack.navigation.params import NavigationParams, PeopleParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.people import Person
+from robot_stack.navigation.pose_follower import PoseFollower
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.rollout_controller import RolloutController
 from robot_stack.navigation.routes import RoutePlanner
@@ -34,6 +36,10 @@ Array = npt.NDArray[np.float64]
 _SPACING_M = 0.1
 # After "no way", a robot moved by more than this is replanned.
 _MOVED_M = 0.5
+# A slower robot that yields counts as waiting.
+_STANDING_MPS = 0.2
+# A robot faster than in narrow places by this brakes first, by the rollouts.
+_FASTER_MPS = 0.1
 _PLANNING, _ALONG, _ASIDE = "planning a route", "driving along the route", "giving way to a pedestrian"
 _NOWHERE = LocalMap(0.0, 1.0, 0.0, 0.0, np.zeros((1, 1), np.int8), np.full((1, 1), 10.0, np.float32))
 
@@ -61,6 +67,7 @@ class RouteFollower:
         self._sampling = RolloutController(params.local)
         self._smoother = VelocitySmoother()
         self.route: Path | None = None
+        self._poses: tuple[Path, PoseFollower] | None = None
         self._goal: Pose2 | None = None
         self._problem = ""
         self._asked = self._unreachable = False
@@ -70,6 +77,8 @@ class RouteFollower:
         self._stuck_s = 0.0
         self._giving_s = 0.0
         self._gave_way = 0
+        # Waiting for a person to pass, and for how long since the last progress.
+        self._waits, self._waited_s = False, 0.0
         self.recoveries = 0
         self._progress_at: Pose2 | None = None
         self._checked = -1
@@ -82,7 +91,7 @@ class RouteFollower:
         Steps are allowed in any case: without a route the robot waits for one.
         """
         if goal != self._goal:
-            self._without_way_s, self._progress_at, self._gave_way = 0.0, None, 0
+            self._without_way_s, self._progress_at, self._gave_way, self._waited_s = 0.0, None, 0, 0.0
         self._goal = goal
         self._sampling.reset()
         self._smoother.reset(twist)
@@ -119,8 +128,8 @@ class RouteFollower:
     def _note_progress(self, pose: Pose2, dt_s: float) -> None:
         f = self._params.follow
         if self._progress_at is None or pose.distance_to(self._progress_at) > f.progress_m:
-            self._progress_at, self._without_way_s, self._gave_way = pose, 0.0, 0
-        elif self._stuck_s >= f.stuck_s and self._giving_s <= 0.0:
+            self._progress_at, self._without_way_s, self._gave_way, self._waited_s = pose, 0.0, 0, 0.0
+        elif self._stuck_s >= f.stuck_s and self._giving_s <= 0.0 and not self._waits:
             self._without_way_s += dt_s
 
     # --- driving -----------------------------------------------------------------------------------------------------
@@ -140,33 +149,65 @@ class RouteFollower:
         speed = self._smoother.twist.speed()
         people = around.people if around.seeing else ()
         along = np.column_stack((at, metres))
-        cap = speed_limits(along, clear, people, now_s, speed, limits, footprint, p.speed_limits, p.people)
+        waits = p.passage if self._waited_s < p.passage.wait_s else None
+        cap = speed_limits(along, clear, people, now_s, speed, limits, footprint, p.speed_limits, p.people, waits)
+        self._waits = cap.yields and speed < _STANDING_MPS and waits is not None
+        self._waited_s += dt_s if self._waits else 0.0
         start = self._smoother.start(located.twist)
         table = _table(people, now_s, p.people)
         aside = self._give_way(located, footprint, now_s, dt_s)
         if aside is not None:
             return Step(self._smoother.towards(aside, start, limits, dt_s), _ASIDE)
-        choice = self._sampling.step(
-            located.pose.relative_to(around.map_to_odom),
-            start,
-            np.column_stack((at, metres, cap.speed_mps)),
-            limits,
-            footprint,
-            local,
-            table,
-        )
-        twist = self._smoother.towards(choice.twist, start, planning.braking if choice.urgent else limits, dt_s)
+        pose = located.pose.relative_to(around.map_to_odom)
+        exact = self._exact(route, located, footprint, float(cap.speed_mps[:3].min()), limits)
+        if exact is not None:
+            wanted, clear_way = self._sampling.governed(pose, exact, footprint, local, table, p.passage.margin_m)
+            requested = wanted if clear_way else ZERO_TWIST
+            urgent = requested.speed() < speed
+        else:
+            choice = self._sampling.step(
+                pose, start, np.column_stack((at, metres, cap.speed_mps)), limits, footprint, local, table
+            )
+            requested, urgent = choice.twist, choice.urgent
+        twist = self._smoother.towards(requested, start, planning.braking if urgent else limits, dt_s)
         slow = twist.speed() < p.follow.stuck_mps and abs(twist.omega) < 2.0 * p.follow.stuck_mps
         self._stuck_s = self._stuck_s + dt_s if slow else 0.0
-        if cap.yields and speed < 0.2:
+        if cap.yields and speed < _STANDING_MPS:
             return Step(twist, "waiting for a pedestrian to pass")
         return Step(twist, "blocked, searching for a path" if slow else _ALONG)
+
+    def _exact(
+        self, route: Path, located: Located, footprint: Footprint, speed_mps: float, limits: MotionLimits
+    ) -> Twist2 | None:
+        """The motion along the planned poses where they are narrow; None elsewhere, and off the route."""
+        p = self._params.passage
+        if self._poses is None or self._poses[0] is not route:
+            self._poses = route, PoseFollower(route, p, self._params.tracking)
+        follower = self._poses[1]
+        near = follower.locate(located.pose)
+        if not near:
+            along_m, _ = route.project(located.pose.x, located.pose.y)
+            ahead = self._ahead(route, along_m)[: round(p.ahead_m / _SPACING_M)]
+        else:
+            ahead = follower.ahead(p.ahead_m)
+        clear_m = self._around.clearance_m(footprint, ahead)
+        if float(clear_m.min()) >= p.narrow_m or self._smoother.twist.speed() > p.speed_mps + _FASTER_MPS:
+            return None
+        if not near:
+            self._ask_again(located, footprint)
+            return None
+        return follower.command(located.pose, ahead, clear_m, speed_mps, limits)
 
     def _local(self) -> LocalMap:
         return self._around.local if self._around.seeing and self._around.local is not None else _NOWHERE
 
-    def _give_way(self, located: Located, footprint: Footprint, now_s: float, dt_s: float) -> Twist2 | None:
-        """The motion to make room for a person, zero to let them pass; None if not needed or without effect."""
+    def _give_way(
+        self, located: Located, footprint: Footprint, now_s: float, dt_s: float, *, no_way: bool = False
+    ) -> Twist2 | None:
+        """The motion to make room for a person, zero to let them pass; None if not needed or without effect.
+
+        no_way: there is no route, so that whoever stands in it needs more room to come out.
+        """
         p, giving = self._params.give_way, self._giving_s > 0.0
         if not giving and (self._stuck_s < self._params.follow.stuck_s or self._gave_way >= p.tries):
             return None
@@ -175,8 +216,12 @@ class RouteFollower:
         everybody = self._around.people if self._around.seeing else ()
         people = _rows(everybody, now_s, self._params.people)
         gap_m, twist = nearest_m(pose, footprint, people), None
-        if self._giving_s < p.most_s and gap_m < (p.room_m if giving else p.near_m):
-            twist = way_out(pose, footprint, self._local(), people, self._params.local.governor_margin_m, p)
+        near_m, room_m = (
+            (p.watch_m, p.watch_m) if no_way and any(one.walked for one in everybody) else (p.near_m, p.room_m)
+        )
+        if self._giving_s < p.most_s and gap_m < (room_m if giving else near_m):
+            margin_m = self._params.local.governor_margin_m
+            twist = way_out(pose, footprint, self._local(), people, margin_m, p, room_m)
         walkers = _rows(tuple(one for one in everybody if one.walks), now_s, self._params.people)
         if twist is None and giving and self._giving_s < p.most_s and nearest_m(pose, footprint, walkers) < p.watch_m:
             twist = ZERO_TWIST
@@ -255,7 +300,7 @@ class RouteFollower:
             # The way ahead may not be clear any more: brake as hard as allowed.
             return Step(self._smoother.towards(ZERO_TWIST, self._smoother.twist, limits.braking, dt_s), _PLANNING)
         self._stuck_s += dt_s
-        aside = self._give_way(located, footprint, now_s, dt_s)
+        aside = self._give_way(located, footprint, now_s, dt_s, no_way=True)
         if aside is not None:
             return Step(self._smoother.towards(aside, self._smoother.twist, limits.cruise, dt_s), _ASIDE)
         self._without_way_s += dt_s

@@ -19,11 +19,11 @@ from robot_stack.core.robot import Footprint
 from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.footprint import inner_m, outline, reach_m
 from robot_stack.navigation.goal import GoalCode, Refusal
-from robot_stack.navigation.grid_kernels import astar, free_headings, headings, relax, straighten
+from robot_stack.navigation.grid_kernels import EASY, TIGHT, astar, heading_room, headings, relax, straighten
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid
-from robot_stack.navigation.tight_passage import passage
+from robot_stack.navigation.tight_passage import LEAVING_M, passage
 
 Array = npt.NDArray[np.float64]
 _HEADING_STEP_M = 0.2
@@ -168,15 +168,20 @@ class GlobalPlanner:
         margin = self._margins(along, at_ends)
         place = self.grid.resolution_m, self.grid.x_m, self.grid.y_m
         edge = outline(footprint)
-        free = free_headings(
-            self.grid.field, *place, edge, points, bins, margin, reach_m(footprint), inner_m(footprint)
+        p, easy_m = self._params, self._params.easy_margin_m + self.grid.half_cell_m
+        room = heading_room(
+            self.grid.field, *place, edge, points, bins, margin, easy_m, reach_m(footprint), inner_m(footprint)
         )
         first, last = (round(float(yaw) / (2.0 * math.pi) * bins) % bins for yaw in ends[:, 2])
-        free[0, first] = free[-1, last] = True
-        picked = headings(free, requested, step_m, first, last, self._params.turn_cost_m_per_rad)
+        room[0, first] = room[-1, last] = EASY
+        picked = headings(room, requested, step_m, first, last, p.turn_cost_m_per_rad, p.near_cost)
         possible = picked[0] >= 0
         yaws = np.unwrap(picked * (2.0 * math.pi / bins)) if possible else requested
-        tight = _backwards(yaws - requested, along, 2.0 * reach_m(footprint)) if possible else int(picked[1])
+        tight = int(picked[1]) if not possible else None
+        if possible:
+            tight = _backwards(yaws - requested, along, 2.0 * reach_m(footprint))
+            grazing = np.flatnonzero(room[np.arange(len(points)), picked] == TIGHT)
+            tight = int(grazing[0]) if tight is None and len(grazing) else tight
         if tight is not None and passages:
             through = self._through(points, along, requested, ends, at_ends, tight, footprint, passages)
             if through is not None:
@@ -226,7 +231,7 @@ class GlobalPlanner:
         p, grid = self._params, self.grid
         margin_m = p.margin_m + grid.half_cell_m
         margin = np.full(len(along_m), margin_m)
-        margin[along_m <= p.escape_m] = min(margin_m, at_ends[0] - grid.resolution_m)
+        margin[along_m <= p.escape_m] = min(margin_m, at_ends[0] - LEAVING_M)
         near_goal = along_m >= along_m[-1] - p.escape_m
         margin[near_goal] = np.minimum(margin[near_goal], at_ends[1] - grid.resolution_m)
         return margin

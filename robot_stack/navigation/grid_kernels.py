@@ -19,6 +19,10 @@ from robot_stack.core.compiled import compiled
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
+Rooms = npt.NDArray[np.int8]
+
+# Room of the footprint at a pose.
+CLOSED, TIGHT, EASY = 0, 1, 2
 
 # Steps of a search between two polls of ``stop``: some milliseconds.
 _LOOK = 4096
@@ -367,15 +371,15 @@ def relax(
 
 @compiled(nogil=True)
 def headings(
-    free: npt.NDArray[np.bool_], requested: Floats, step_m: Floats, first: int, last: int, turn_cost: float
+    room: Rooms, requested: Floats, step_m: Floats, first: int, last: int, turn_cost: float, tight_cost: float
 ) -> npt.NDArray[np.int64]:
     """The cheapest heading for every point of a way (Viterbi): along the way if that is clear, turning little.
 
-    free: (n, h) is the footprint clear at point i with heading k * 2 pi / h. requested: (n,) course of the way, rad.
-    step_m: (n,) from the point before. first, last: given headings. turn_cost: m per radian.
+    room: (n, h) of ``heading_room`` at point i with heading k * 2 pi / h. requested: (n,) course of the way, rad.
+    step_m: (n,) from the point before. first, last: given headings. turn_cost: m per radian. tight_cost: m per metre.
     Returns (n,) headings; where that is impossible, (2,) of -1 and the first point that cannot be passed.
     """
-    n, h = free.shape
+    n, h = room.shape
     unit = 2.0 * math.pi / h
     cost = np.full(h, np.inf)
     cost[first] = 0.0
@@ -385,14 +389,16 @@ def headings(
         any_free = False
         new[:] = np.inf
         for k in range(h):
-            if not free[i, k]:
+            if room[i, k] == CLOSED:
                 continue
             here = step_m[i] * (1.0 - math.cos(k * unit - requested[i]))
+            if room[i, k] == TIGHT:
+                here += step_m[i] * tight_cost
             # The turn happens at this point; all headings it passes must be clear.
             for sign in (-1, 1):
                 for turn in range(0 if sign > 0 else 1, h // 2 + 1):
                     source = (k + sign * turn) % h
-                    if not free[i, source]:
+                    if room[i, source] == CLOSED:
                         break
                     total = cost[source] + here + turn_cost * unit * turn
                     if total < new[k]:
@@ -414,26 +420,30 @@ def headings(
 
 
 @compiled(nogil=True)
-def free_headings(
+def heading_room(
     field: Singles, resolution_m: float, ox: float, oy: float, outline: Floats, points: Floats, count: int,
-    margin_m: Floats, reach_m: float, inner_m: float,
-) -> npt.NDArray[np.bool_]:  # fmt: skip
-    """(n, count) whether the outline is clear by margin_m (n,) at each point and heading.
+    margin_m: Floats, easy_m: float, reach_m: float, inner_m: float,
+) -> Rooms:  # fmt: skip
+    """(n, count) the outline's room at each point and heading: CLOSED below margin_m (n,), TIGHT below easy_m, EASY.
 
-    reach_m: largest distance of the outline from base_link; with more clearance every heading is clear. inner_m: the
-    smallest; with less clearance none is.
+    reach_m: largest distance of the outline from base_link; with more clearance every heading is easy. inner_m: the
+    smallest; with less clearance every heading is closed.
     """
     n = len(points)
-    free = np.ones((n, count), np.bool_)
+    room = np.full((n, count), EASY, np.int8)
     pose = np.empty(3)
     for i in range(n):
         here = clearance_at(field, resolution_m, ox, oy, points[i, 0], points[i, 1])
-        if here > reach_m + margin_m[i] + resolution_m:
+        if here > reach_m + max(margin_m[i], easy_m) + resolution_m:
             continue
         if here < inner_m and margin_m[i] > 0.0:
-            free[i] = False
+            room[i] = CLOSED
             continue
         for k in range(count):
             pose[0], pose[1], pose[2] = points[i, 0], points[i, 1], 2.0 * math.pi * k / count
-            free[i, k] = footprint_clearance(field, resolution_m, ox, oy, outline, pose, 0.0) >= margin_m[i]
-    return free
+            clear = footprint_clearance(field, resolution_m, ox, oy, outline, pose, 0.0)
+            if clear < margin_m[i]:
+                room[i, k] = CLOSED
+            elif clear < easy_m:
+                room[i, k] = TIGHT
+    return room

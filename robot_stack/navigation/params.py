@@ -95,6 +95,7 @@ class PlannerParams(Config):
 
     search_resolution_m: Positive
     margin_m: Positive
+    easy_margin_m: Positive
     goal_margin_m: Positive
     prefer_m: Positive
     near_cost: NotNegative
@@ -202,6 +203,20 @@ class GiveWayParams(Config):
         return self
 
 
+class PassageParams(Config):
+    """Narrow places, where the planned poses are driven exactly."""
+
+    narrow_m: Positive
+    ahead_m: Positive
+    turn_m: Positive
+    off_m: Positive
+    off_rad: Positive
+    margin_m: Positive
+    speed_mps: Positive
+    wait_m: Positive
+    wait_s: Positive
+
+
 class FollowParams(Config):
     """Following a route, switching to the exact motion to the goal where it is free, and giving up."""
 
@@ -250,4 +265,5 @@ class NavigationParams(Config):
     speed_limits: SpeedLimitParams
     people: PeopleParams
     give_way: GiveWayParams
+    passage: PassageParams
     follow: FollowParams

@@ -16,7 +16,6 @@ from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.footprint import outline
-from robot_stack.navigation.grid_kernels import Singles
 from robot_stack.navigation.local_map import LocalMap
 from robot_stack.navigation.params import LocalParams
 from robot_stack.navigation.rollout_kernels import COLLISION, evaluate, free_time
@@ -105,31 +104,29 @@ class RolloutController:
         requested = Twist2(*map(float, firsts[pick]))
         if costs[pick] >= 0.4 * COLLISION and people.size == 0:
             requested, standing = Twist2(0.0, 0.0, 0.0), True
-        governed = self._governed(at, requested, place, edge, here, box, people)
+        governed, _ = self.governed(pose, requested, footprint, local, people, p.governor_margin_m)
         return Choice(governed, standing, float(self._last[0]), governed is not requested)
 
-    def _governed(
-        self,
-        at: Array,
-        requested: Twist2,
-        place: tuple[Singles, float, float, float],
-        edge: Array,
-        here: float,
-        box: Array,
-        people: Array,
-    ) -> Twist2:
+    def governed(
+        self, pose: Pose2, requested: Twist2, footprint: Footprint, local: LocalMap, people: Array, margin_m: float
+    ) -> tuple[Twist2, bool]:
         """``requested``, slowed down until its unchanged continuation stays clear for the horizon, the criterion of
-        the safety monitor."""
+        the safety monitor; and whether it does.
+
+        pose: costmap's frame. people: (m, 6). margin_m: to static obstacles.
+        """
         p = self._params
-        margin = min(p.governor_margin_m, here - 0.03)
+        at, edge, box = np.array([pose.x, pose.y, pose.yaw]), outline(footprint), _box(footprint)
+        place = local.field, local.resolution_m, local.x_m, local.y_m
+        margin_m = min(margin_m, float(local.clearance_m(edge, at[None])[0]) - 0.03)
         slower = requested
         for share in _SLOWER:
             slower = requested if share == 1.0 else requested.scaled(share)
             twist = np.array([slower.vx, slower.vy, slower.omega])
-            free_s = free_time(*place, edge, at, twist, margin, p.governor_s, box, people)
+            free_s = free_time(*place, edge, at, twist, margin_m, p.governor_s, box, people)
             if free_s >= p.governor_s:
-                return slower
-        return slower
+                return slower, True
+        return slower, False
 
 
 def _box(footprint: Footprint) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ import numpy.typing as npt
 
 from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import Footprint
-from robot_stack.navigation.params import PeopleParams, SpeedLimitParams
+from robot_stack.navigation.params import PassageParams, PeopleParams, SpeedLimitParams
 from robot_stack.navigation.people import Person
 
 Array = npt.NDArray[np.float64]
@@ -41,23 +42,75 @@ def speed_limits(
     footprint: Footprint,
     params: SpeedLimitParams,
     person: PeopleParams,
+    passage: PassageParams | None,
 ) -> SpeedLimits:
-    """route: (n, 4) x, y, yaw, along from the robot on, evenly spaced. speed_mps: of the robot now."""
+    """route: (n, 4) x, y, yaw, along from the robot on, evenly spaced. speed_mps: of the robot now.
+
+    passage: a robot that has to stop for a person does so before a narrow place, not in it; None: where the ways cross.
+    """
     speeds = narrow_speed(clearance_m, limits.speed_mps, params)
-    half_m = 0.5 * footprint.width_m
     for one in people:
         x, y = one.at(now_s)
-        gap = np.hypot(route[:, 0] - x, route[:, 1] - y) - one.radius_m - half_m
+        gap = np.hypot(route[:, 0] - x, route[:, 1] - y) - one.radius_m - 0.5 * footprint.width_m
         speeds = np.where(gap < person.near_m, np.minimum(speeds, person.near_mps), speeds)
+        gap = _gap(route, (x, y), footprint) - one.radius_m
         speeds = np.where(gap < person.very_near_m, np.minimum(speeds, person.very_near_mps), speeds)
-    stop_m = min(
-        (_conflict(route, one, now_s, speed_mps, footprint, person) for one in people if one.walks), default=np.inf
-    )
+    stop_m = np.inf
+    for one in people:
+        if not one.walks:
+            continue
+        stops_m = _conflict(route, one, now_s, speed_mps, footprint, person)
+        if np.isfinite(stops_m) and passage is not None:
+            stops_m = outside(stops_m, route, clearance_m, one.at(now_s), footprint, passage)
+        stop_m = min(stop_m, stops_m)
     if np.isfinite(stop_m):
         speeds = np.where(route[:, 3] >= stop_m, 0.0, speeds)
     return SpeedLimits(
         _braking(speeds, route[:, 3], params.braking_share * limits.acceleration_mps2), bool(np.isfinite(stop_m))
     )
+
+
+def _gap(route: Array, person: tuple[float, float], footprint: Footprint) -> Array:
+    """(n,) metres from a person's middle to the robot at each pose, whose front end may reach far before base_link."""
+    half_m = 0.5 * footprint.width_m
+    dx, dy = person[0] - route[:, 0], person[1] - route[:, 1]
+    c, s = np.cos(route[:, 2]), np.sin(route[:, 2])
+    ahead = np.clip(c * dx + s * dy, 0.0, max(footprint.front_m - half_m, 0.0))
+    return np.asarray(np.hypot(dx - ahead * c, dy - ahead * s) - half_m)
+
+
+def outside(
+    stop_m: float,
+    route: Array,
+    clearance_m: Array,
+    person: tuple[float, float],
+    footprint: Footprint,
+    params: PassageParams,
+) -> float:
+    """``stop_m``, moved back to before the narrow place in which, or right behind which, the robot would stand.
+
+    The passage belongs to who is in it, or else nearer to it: only the other waits outside, with ``wait_m`` of room.
+
+    route: (n, 4) x, y, yaw, along from the robot on. clearance_m: (n,). person: x, y, in the route's frame.
+    """
+    along_m, narrow = route[:, 3], clearance_m < params.narrow_m
+    if narrow[0]:
+        return stop_m
+    # Standing here, the robot would leave no room between its rear and the narrow place.
+    stands = (along_m <= stop_m) & (along_m >= stop_m + footprint.rear_m - params.wait_m) & narrow
+    if not stands.any():
+        return stop_m
+    last = int(np.flatnonzero(stands)[-1])
+    entry = last - int(np.argmin(narrow[last::-1])) + 1
+    further = narrow[entry:]
+    leave = entry + (int(np.argmin(further)) if not further.all() else len(further)) - 1
+    # The footprint is narrow from when its front comes to the place until its rear has left it.
+    middle_m = 0.5 * (footprint.front_m + footprint.rear_m)
+    place_m = 0.5 * (along_m[entry] + along_m[leave]) + middle_m
+    place = route[int(np.argmin(np.abs(along_m - place_m)))]
+    if place_m - middle_m < math.hypot(place[0] - person[0], place[1] - person[1]):
+        return stop_m
+    return float(along_m[entry]) - params.wait_m
 
 
 def _conflict(

@@ -24,6 +24,8 @@ Array = npt.NDArray[np.float64]
 # Lethal cells within this distance of a map obstacle belong to it.
 _SAME_M = 0.30
 _MOST_REMEMBERED = 20_000
+# Points around a standing person.
+_AROUND = 24
 
 
 class WorldModel:
@@ -121,8 +123,21 @@ class WorldModel:
         return None if self.grid is None else goal_problem(self.grid, footprint, goal, self._params.planner)
 
     def question(self, start: Pose2, goal: Pose2, footprint: Footprint) -> RouteRequest:
-        """A request for a route around all obstacles of map and costmap until now."""
-        return RouteRequest(start, goal, footprint, self._remembered)  # replaced with each costmap, never changed
+        """A request for a route around all obstacles of map and costmap until now, and around standing people."""
+        seen = np.concatenate((self._remembered, self._standing()))
+        return RouteRequest(start, goal, footprint, seen)
+
+    def _standing(self) -> Array:
+        """(n, 2) points around people who stand, map: a route past them must leave the gap the robot keeps."""
+        p = self._params
+        angles = np.arange(_AROUND) * (2.0 * math.pi / _AROUND)
+        rings = [
+            np.column_stack((one.x + reach_m * np.cos(angles), one.y + reach_m * np.sin(angles)))
+            for one in self.people
+            if one.walked and not one.walks
+            for reach_m in (one.radius_m + p.people.standing_gap_m - p.planner.margin_m,)
+        ]
+        return self._to_map(np.concatenate(rings)) if rings else np.empty((0, 2))
 
     def shown(self) -> bytes:
         """A digest of the obstacles of a request: while it is unchanged, so is the result."""

@@ -31,21 +31,29 @@ def nearest_m(pose: Pose2, footprint: Footprint, people: Array) -> float:
 
 
 def way_out(
-    pose: Pose2, footprint: Footprint, local: LocalMap, people: Array, margin_m: float, params: GiveWayParams
+    pose: Pose2,
+    footprint: Footprint,
+    local: LocalMap,
+    people: Array,
+    margin_m: float,
+    params: GiveWayParams,
+    room_m: float | None = None,
 ) -> Twist2 | None:
     """The motion (base_link) that leaves people the most room, and the line of the nearest free.
 
     None if there is enough room, or if no motion is clear and effective.
 
     pose: costmap's frame. people: (m, 6) x, y, vx, vy, radius, wanted gap. margin_m: to static obstacles.
+    room_m: enough room; by default as in ``params``.
     """
+    room_m = params.room_m if room_m is None else room_m
     at, box, edge = np.array([pose.x, pose.y, pose.yaw]), _box(footprint), outline(footprint)
     place = local.field, local.resolution_m, local.x_m, local.y_m
     here_m = float(local.clearance_m(edge, at[None])[0])
     # A robot nearer than the margin may keep its distance, but not reduce it.
     margin_m = min(margin_m, here_m - 0.02)
     now_m = _gap(box, at, people)
-    if now_m >= params.room_m:
+    if now_m >= room_m:
         return None
     best, best_m = None, now_m + params.least_m
     before = min(people, key=lambda one: math.hypot(one[_X] - at[0], one[_Y] - at[1]))
@@ -53,7 +61,7 @@ def way_out(
         course = 2.0 * math.pi * k / _DIRECTIONS
         twist = np.array([params.speed_mps * math.cos(course), params.speed_mps * math.sin(course), 0.0])
         then = _after(at, twist, params.look_s)
-        gap_m = min(_gap(box, then, people), params.room_m) + _ASIDE * _beside(at, then, before)
+        gap_m = min(_gap(box, then, people), room_m) + _ASIDE * _beside(at, then, before)
         if gap_m <= best_m + 1e-6:
             continue
         if free_time(*place, edge, at, twist, margin_m, params.look_s, box, people) >= params.look_s:
