@@ -1,10 +1,11 @@
-"""Drives along a route among obstacles: speed speed_limits, the sampling controller, replanning, giving up.
+"""Drives along a route among obstacles: speed limits, the sampling controller, replanning, giving up.
 
 stand-off    the robot makes room for a person who waits for it
 route        requested from a planner that answers in a later tick; kept until its successor, requested when
              it is blocked, left behind, or without progress
 reference    the next metres of it in the costmap's frame, with the speed that narrow places and people allow
-command      the best motion along the reference, under acceleration and jerk limits
+command      the best motion along the reference, or the planned poses where they are narrow, under acceleration
+             and jerk limits
 """
 
 from __future__ import annotations

@@ -13,9 +13,10 @@ from robot_stack.core.site_map import OCCUPIED, Grid
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.goal import GoalCode, GoalEnd
 from robot_stack.navigation.path import Path
+from robot_stack.navigation.people import Person
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.pose_follower import PoseFollower
-from robot_stack.navigation.speed_limits import outside
+from robot_stack.navigation.speed_limits import outside, speed_limits
 from robot_stack.navigation.yielding import nearest_m
 from tests.unit.navigation.plant import ROBOT, params
 from tests.unit.navigation.test_among_obstacles import Array, Story, corridor, nothing, reached
@@ -157,6 +158,15 @@ def test_who_is_in_a_passage_or_nearer_has_it(
     route = np.column_stack((ALONG, np.zeros((len(ALONG), 2)), ALONG))
     stops_m = outside(stop_m, route, narrow_between(*narrow), (person_m, 0.0), CHAIR, P.passage)
     assert stops_m == pytest.approx(waits_m)
+
+
+def test_speed_near_people_counts_from_the_chair_s_front() -> None:
+    route = np.column_stack((ALONG, np.zeros((len(ALONG), 2)), ALONG))
+    person = Person(0.0, CHAIR.front_m + 0.3 + 0.9, 0.0, radius_m=0.3)
+    cap = speed_limits(
+        route, np.full(len(ALONG), 2.0), (person,), 0.0, 0.5, LIMITS, CHAIR, P.speed_limits, P.people, P.passage
+    )
+    assert cap.speed_mps[0] == pytest.approx(P.people.very_near_mps)
 
 
 # --- two at one gate --------------------------------------------------------------------------------------------------
