@@ -19,6 +19,9 @@ _LARGEST_GEAR: Final = 2147483647
 SIDES = ("front", "rear", "left", "right")
 # A safety edge must be soft for longer than the robot needs to stop from this speed, with this time until it brakes.
 CREEP_SPEED_MPS, EDGE_REACTION_S = 0.3, 0.1
+# From the middle of a hook inwards to the front strip: half the thickness of a rail, and the 10 mm that the latch
+# catches it off its place.
+_RAIL_CLEARANCE_M = 0.03
 Rpy = Annotated[tuple[float, float, float], Field(description="deg, about the fixed axes x, y, z of base_link")]
 
 
@@ -284,6 +287,23 @@ class Robot(Config):
     def lidar_xyz_m(self) -> tuple[float, float, float]:
         """The spinning LiDAR in base_link, m; its frame has base_link's axes, see ``sensor_frame``."""
         return self.range_sensors[frames.LIDAR].xyz_m
+
+    def edge_boxes(self) -> tuple[tuple[float, float, float], ...]:
+        """Front, rear and half width, m, base_link, of two crossed boxes whose faces are the safety edge's strips.
+
+        The first has the front and the rear strip, the second left and right; both have the chassis' height. The rails
+        of a latched wheelchair end at the footprint's front, beside the front strip and ahead of the second box. Empty
+        without an edge.
+        """
+        edge, chassis, footprint = self.safety_edge, self.chassis, self.footprint
+        if edge is None:
+            return ()
+        along_half_m = min(0.5 * chassis.width_m, self.latch.half_width_m - _RAIL_CLEARANCE_M)
+        across_front_m = 0.5 * chassis.length_m - edge.travel_m
+        return (
+            (footprint.front_m, footprint.rear_m, along_half_m),
+            (across_front_m, -across_front_m, 0.5 * footprint.width_m),
+        )
 
     def sensor_frame(self, name: str) -> NDArray[np.float64]:
         """(3, 3) from the frame in which a range sensor's points are published to base_link.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.core.robot import Footprint
 from robot_stack.core.robot_shape import Placed
+from robot_stack.coverage.contact import sensed
 from robot_stack.coverage.params import CoverageParams
 from robot_stack.coverage.rays import count_on_things, own_ranges
 
@@ -20,10 +21,14 @@ I64 = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True)
 class Body:
-    """The robot's body: its solids occlude beams, its footprint excludes objects. solids: in base_link."""
+    """The robot's body: its solids occlude beams, its footprint excludes objects. All in base_link.
+
+    strips: of the safety edge.
+    """
 
     solids: Sequence[Placed]
     footprint: Footprint
+    strips: Sequence[Placed] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,12 +43,16 @@ class Grid:
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """points: (m,) per cell, on an object of each height (things) or at each height (maps), by height in m."""
+    """points: (m,) per cell, on an object of each height (things) or at each height (maps), by height in m.
+
+    contacts: (k,) per point of the outline, whether the safety edge senses an object of each height.
+    """
 
     grid: Grid
     things: Mapping[float, I64]
     maps: Mapping[float, I64]
     by_sensor: Mapping[str, Mapping[float, I64]]
+    contacts: Mapping[float, NDArray[np.bool_]]
 
 
 class View:
@@ -99,7 +108,7 @@ def band(footprint: Footprint, params: CoverageParams) -> Grid:
 
 
 def look(sensors: Mapping[str, RangeSensor], body: Body, params: CoverageParams) -> Seen:
-    """Joint coverage of the sensors within one period of each."""
+    """Joint coverage of the sensors within one period of each, and of the safety edge."""
     grid = band(body.footprint, params)
     things = {height: np.zeros(len(grid.cells), np.int64) for height in params.thing_heights_m}
     maps = {height: np.zeros(len(grid.cells), np.int64) for height in params.map_heights_m}
@@ -113,7 +122,11 @@ def look(sensors: Mapping[str, RangeSensor], body: Body, params: CoverageParams)
         for height, total in maps.items():
             half = 0.5 * params.slab_m
             total += view.count(grid.cells, params.thing_width_m, height - half, height + half)
-    return Seen(grid, things, maps, by_sensor)
+    contacts = {
+        height: sensed(body.strips, body.solids, body.footprint, params.thing_width_m, height, params.cell_m)
+        for height in params.thing_heights_m
+    }
+    return Seen(grid, things, maps, by_sensor, contacts)
 
 
 def seen_pct(points: I64, points_min: int) -> float:

@@ -17,18 +17,28 @@ _KINDS = {"box": 0, "cylinder": 1, "sphere": 2}
 _TINY = 1e-12
 
 
-def own_ranges(origin: F64, beams: F64, solids: Sequence[Placed]) -> F64:
-    """(n,) range at which each beam first hits one of the solids, m; inf: none.
+class PackedSolids:
+    """Solids as arrays for the ray caster, to cast from many origins."""
 
-    origin: (3,) m, beams: (n, 3) unit vectors, in the solids' frame. A solid around the origin is the sensor's housing
-    and occludes nothing.
-    """
-    kinds = np.array([_KINDS[item.solid.kind] for item in solids], np.int64)
-    half = np.array([item.solid.size_m for item in solids], float).reshape(-1, 3) * 0.5
-    inverse = np.array([np.linalg.inv(item.pose)[:3] for item in solids], float).reshape(-1, 3, 4)
-    ranges = np.full(len(beams), np.inf)
-    _meet_solids(np.asarray(origin, float), np.ascontiguousarray(beams), kinds, half, inverse, ranges)
-    return ranges
+    def __init__(self, solids: Sequence[Placed]) -> None:
+        self._kinds = np.array([_KINDS[item.solid.kind] for item in solids], np.int64)
+        self._half = np.array([item.solid.size_m for item in solids], float).reshape(-1, 3) * 0.5
+        self._inverse = np.array([np.linalg.inv(item.pose)[:3] for item in solids], float).reshape(-1, 3, 4)
+
+    def ranges(self, origin: F64, beams: F64) -> F64:
+        """(n,) range at which each beam first hits one of the solids, m; inf: none.
+
+        origin: (3,) m, beams: (n, 3) unit vectors, contiguous, in the solids' frame. A solid around the origin is the
+        sensor's housing and occludes nothing.
+        """
+        ranges = np.full(len(beams), np.inf)
+        _meet_solids(origin, beams, self._kinds, self._half, self._inverse, ranges)
+        return ranges
+
+
+def own_ranges(origin: F64, beams: F64, solids: Sequence[Placed]) -> F64:
+    """As ``PackedSolids.ranges``."""
+    return PackedSolids(solids).ranges(np.asarray(origin, float), np.ascontiguousarray(beams))
 
 
 @compiled(error_model="numpy")

@@ -8,6 +8,7 @@ from robot_stack.core.docks import Docks
 from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.core.robot import Robot
 from robot_stack.core.robot_shape import RobotShape, placed, planar, robot_solids
+from robot_stack.coverage.contact import strips_of
 from robot_stack.coverage.coverage import Body, Seen, look, seen_pct
 from robot_stack.coverage.params import CoverageParams, Layout
 
@@ -21,7 +22,11 @@ def bodies(robot: Robot, shape: RobotShape, docks: Docks) -> dict[str, Body]:
     if latched is None:
         raise ValueError("no dock is a wheelchair")
     chair = [*placed(CHAIR, shape.wheelchair, planar(latched)), *placed(CHAIR, shape.passenger, planar(latched))]
-    return {EMPTY: Body(own, robot.footprint), CHAIR: Body([*own, *chair], robot.footprint_with_chair)}
+    strips = strips_of(robot)
+    return {
+        EMPTY: Body(own, robot.footprint, strips),
+        CHAIR: Body([*own, *chair], robot.footprint_with_chair, strips),
+    }
 
 
 def sensors_of(layout: Layout, robot: Robot) -> dict[str, RangeSensor]:
@@ -37,7 +42,10 @@ def look_around(
 
 
 def figures(seen: Mapping[str, Seen], params: CoverageParams) -> dict[str, float]:
-    """``seen_pct_06_chair``: share of the band where an object 0.6 m high is seen; ``map_pct_06_chair``: at 0.6 m."""
+    """``seen_pct_06_chair``: share of the band where an object 0.6 m high is seen; ``map_pct_06_chair``: at 0.6 m.
+
+    ``contact_pct_06_chair``: share of the outline where the safety edge senses the first touch of such an object.
+    """
     found = {}
     for name, view in seen.items():
         for height, points in view.things.items():
@@ -45,6 +53,9 @@ def figures(seen: Mapping[str, Seen], params: CoverageParams) -> dict[str, float
     for name, view in seen.items():
         for height, points in view.maps.items():
             found[f"map_pct_{_tag(height)}_{name}"] = seen_pct(points, params.points_min)
+    for name, view in seen.items():
+        for height, contacts in view.contacts.items():
+            found[f"contact_pct_{_tag(height)}_{name}"] = 100.0 * float(contacts.mean())
     return found
 
 

@@ -16,9 +16,6 @@ from sim.plant.mjcf import ROBOT_BITS, ROBOT_GROUP, add_geom, number, vector
 
 PREFIX: Final = "edge_"
 PLATES: Final = ("latch_plate_left", "latch_plate_right")
-# From the middle of a hook inwards to the front strip: half the thickness of a rail, and the 10 mm that the latch
-# catches it off its place.
-_RAIL_CLEARANCE_M = 0.03
 _INVISIBLE = "0 0 0 0"
 
 
@@ -40,20 +37,10 @@ def plate_travel_m(edge: SafetyEdge, params: SimParams) -> float:
 
 
 def add_edge(base: Element, robot: Robot, edge: SafetyEdge) -> None:
-    """Two crossed boxes whose faces are the strips: front and rear on one, left and right on the other.
-
-    They have the chassis' height. The rails of a latched wheelchair end at the footprint's front, beside the front
-    strip and ahead of the crosswise box.
-    """
-    chassis, footprint = robot.chassis, robot.footprint
+    """The two crossed boxes of ``Robot.edge_boxes``."""
+    chassis = robot.chassis
     half_height_m, middle_m = 0.5 * (chassis.top_m - chassis.bottom_m), 0.5 * (chassis.top_m + chassis.bottom_m)
-    along_width_m = min(0.5 * chassis.width_m, robot.latch.half_width_m - _RAIL_CLEARANCE_M)
-    across_length_m = 0.5 * chassis.length_m - edge.travel_m
-    boxes = (
-        ("along", footprint.front_m, footprint.rear_m, along_width_m),
-        ("across", across_length_m, -across_length_m, 0.5 * footprint.width_m),
-    )
-    for name, front_m, rear_m, half_width_m in boxes:
+    for name, (front_m, rear_m, half_width_m) in zip(("along", "across"), robot.edge_boxes(), strict=True):
         add_geom(
             base,
             PREFIX + name,

@@ -1,4 +1,5 @@
-"""Share of the 2 m band around the footprint where a thing 0.2 m wide is seen by the robot's range sensors."""
+"""Share of the 2 m band around the footprint where a thing 0.2 m wide is seen by the robot's range sensors, and of the
+outline where its safety edge senses that thing's first touch."""
 
 from __future__ import annotations
 
@@ -14,6 +15,7 @@ AIMS = {
     "seen_pct_06_chair": Aim(">", 98.0),
     "seen_pct_03_empty": Aim(">", 95.0),
     "seen_pct_03_chair": Aim(">", 90.0),
+    "contact_pct_03_empty": Aim(">", 99.0),
 }
 
 
