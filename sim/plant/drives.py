@@ -177,6 +177,15 @@ class ServoDrives:
         _set(self._edge_cut, name, cut)
         self._set_edge_inputs()
 
+    @property
+    def edge_pressed(self) -> bool:
+        """True if an input of the safety edge reads as pressed: also by a cut wire."""
+        edge = self._edge
+        if edge is None:
+            return False
+        bits = (*edge.side_bits.values(), edge.relay_input_bit)
+        return not all(self._inputs[edge.byte, bit] for bit in bits)
+
     def _set_edge_inputs(self) -> None:
         """Normally closed: 1 = free. The relay has all sides in series."""
         edge = self._edge

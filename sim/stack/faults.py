@@ -21,11 +21,13 @@ from robot_stack.contract import topics
 from robot_stack.contract.frames import JOINTS
 from robot_stack.contract.model import System
 from robot_stack.core.config import Config, ConfigError, read_yaml, validate
+from robot_stack.core.robot import SIDES
 from sim.camera import faults as camera
 from sim.computer import faults as computer
 from sim.ehmi import faults as display
 from sim.lidar import faults as lidar
 from sim.plant import faults as plant
+from sim.plant.drives import EDGE_RELAY
 from sim.plant.fault_table import CLEAR, FaultKind, FaultRefused, FaultTable
 from sim.scheduler.events import NANOSECONDS
 from sim.scheduler.params import Spread
@@ -509,6 +511,8 @@ CHANCES: tuple[Chance, ...] = (
     Chance("imu_frozen"),
     Chance("imu_noise", ("",), 2.0, 100.0),
     Chance("estop_button", ("",), 1.0, 1.0),
+    Chance("edge_pressed", SIDES, shortest_s=0.05),
+    Chance("edge_wire_cut", (*SIDES, EDGE_RELAY)),
     Chance("engine_stall", shortest_s=0.02, longest_s=2.0),
     Chance("latch_stuck"),
     Chance("latch_no_confirm"),

@@ -5,7 +5,7 @@ once per subject, at the first time.
 
 Not judged: contacts between robot and chair before they are latched (docking touches it), COLLISION_IMMINENT,
 OBSTACLE_NEAR and SLOPE (their conditions rest on predictions; contacts are judged instead), OVERSPEED (the speed itself
-is judged), CONTACT (the engine stops by itself), CAMERA_TIMEOUT, LATCH_NOT_STORED and UI_LINK_LOST (only the nodes
+is judged), CAMERA_TIMEOUT, LATCH_NOT_STORED and UI_LINK_LOST (only the nodes
 know the camera, write or page that counts), the values of LOCALIZATION_LOST and a frozen IMU.
 """
 
@@ -431,6 +431,8 @@ class Invariants(Observer):
         yield "DRIVE_FAULT", 2.0 * _REACTION_S, held("alarm", bool(physics.drives.alarm_codes.any()), now_s)
         silent = sim.engine_stalled or stack.faults.is_active("bus_loss")
         yield "DRIVE_FAULT", params.drive_silence_s + _REACTION_S, held("engine", silent, now_s)
+        pressed = physics.drives.edge_pressed and not silent
+        yield "CONTACT", 2.0 * _REACTION_S, held("edge", pressed, now_s)
         _, x, y, _ = physics.data.qpos[3:7].tolist()
         tilt_deg = math.degrees(math.acos(max(-1.0, min(1.0, 1.0 - 2.0 * (x * x + y * y)))))
         tilted = tilt_deg > params.tilt_stop_deg + _TILT_MARGIN_DEG

@@ -60,6 +60,13 @@ def test_every_chance_is_a_fault_that_can_be_raised() -> None:
     assert drawn == {chance.kind for chance in CHANCES}
 
 
+def test_every_fault_of_the_world_is_drawn_but_for_what_people_do() -> None:
+    drawn = {chance.kind for chance in CHANCES}
+    assert set(BY_NAME) - drawn == {"chair_moved", "robot_moved", "charger", "wheelchair"}
+    targets = {target for chance in CHANCES if chance.kind.startswith("edge_") for target in chance.targets}
+    assert targets == {"front", "rear", "left", "right", "relay"}
+
+
 def test_the_rows_of_the_world_keep_their_names() -> None:
     assert set(BY_NAME) <= set(kinds())
     assert {"lidar.rain", "overhead_lidar.silent", "camera.glare", "display.cable", "computer.overheat"} <= set(kinds())

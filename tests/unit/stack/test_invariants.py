@@ -47,7 +47,7 @@ class Scene:
             data=SimpleNamespace(qvel=np.zeros(14), qpos=np.array([0, 0, 0, 1.0, 0, 0, 0])),
             attached=False,
             touched={},
-            drives=SimpleNamespace(alarm_codes=np.zeros(8)),
+            drives=SimpleNamespace(alarm_codes=np.zeros(8), edge_pressed=False),
             truth=lambda: truth,
         )
         self.sim = SimpleNamespace(world=self.physics, engine_stalled=False, battery=SimpleNamespace(charge=0.8))
@@ -171,6 +171,7 @@ def test_a_robot_that_does_not_follow_its_limit(scene: Scene) -> None:
         ("ESTOP_PRESSED", lambda scene: scene.publish(topics.EMERGENCY_STOP, "touch_ui", Bool(data=True))),
         ("DRIVE_FAULT", lambda scene: scene.physics.drives.alarm_codes.fill(1)),
         ("DRIVE_FAULT", lambda scene: setattr(scene.sim, "engine_stalled", True)),
+        ("CONTACT", lambda scene: setattr(scene.physics.drives, "edge_pressed", True)),
         ("TILT", lambda scene: scene.physics.data.qpos.__setitem__(slice(3, 5), (0.98, 0.2))),
         ("BATTERY_LOW", lambda scene: setattr(scene.sim.battery, "charge", 0.2)),
         ("BATTERY_CRITICAL", lambda scene: setattr(scene.sim.battery, "charge", 0.1)),
