@@ -283,7 +283,10 @@ class FootingParams(Config):
 
 
 class PerceptionParams(Config):
-    """All parameters of the node."""
+    """All parameters of the node.
+
+    slow_bodies: those below walking speed, tracked while the robot stands.
+    """
 
     crop: CropParams
     deskew: DeskewParams
@@ -294,6 +297,7 @@ class PerceptionParams(Config):
     overhead: OverheadParams
     mixed_pixels: MixedPixelParams
     space: SpaceParams
+    slow_bodies: MovingObjectParams
     fast_bodies: FastBodyParams
     footing: FootingParams
     output: OutputParams

@@ -51,9 +51,11 @@ class Scene:
 
 
 class Trackers(NamedTuple):
-    """Of one sensor: two sensors observe different sides of an object. fast: in the wide grid."""
+    """Of one sensor: two sensors observe different sides of an object. fast: in the wide grid.
+    slow: of bodies too slow for ``walking``, while the robot stands."""
 
     slow: MovingObjects
+    walking: MovingObjects
     fast: MovingObjects
 
 
@@ -75,7 +77,7 @@ class Pipeline:
         self._views = self._view.views(wide.reach_m, params.space.reach_m)
         self.space, self._wide_space = Space(params.space, robot), Space(wide, robot)
         self.footing = Footing(params.footing, params.space)
-        tracked = params.space.moving_objects, wide.moving_objects
+        tracked = params.slow_bodies, params.space.moving_objects, wide.moving_objects
         self._trackers, self._overhead_trackers = (Trackers(*(MovingObjects(one) for one in tracked)) for _ in range(2))
         self._overhead: Overhead | None = None
         if frames.OVERHEAD_LIDAR in robot.range_sensors:
@@ -126,8 +128,8 @@ class Pipeline:
         known = self.space.remembered(pose, stamp_s - self._params.output.keep_s)
         shown = self._with_other_half(fresh, seen.profile, stamp_s)
         obstacles = np.concatenate([shown, self._from_above(stamp_s), known, close, self._falls(pose)])
-        trackers = (*self._trackers, *self._overhead_trackers)
-        moving = np.concatenate([tracker.at(stamp_s, pose) for tracker in trackers])
+        sensors = self._trackers, self._overhead_trackers
+        moving = np.concatenate([one.at(stamp_s, pose) for by in sensors for one in (by.walking, by.fast)])
         return Scene(stamp_s, obstacles, self.space.frontier(pose), self.footing.ends(pose), moving, broken)
 
     def grid(self) -> SpaceGrid:
@@ -143,10 +145,13 @@ class Pipeline:
         self.space.observe(look, pose)
         own = self._robot.footprint_with_chair if self.chair else self._robot.footprint
         self.footing.observe(look.floor, look.tilt, pose, own)
-        for body, vx_mps, vy_mps in trackers.slow.look(
-            self.space.appeared(look, pose), look.stamp_s, self.space.is_visible
-        ):
-            self.space.mark_hidden_body(body, vx_mps, vy_mps, pose)
+        space = self.space
+        slow = space.appeared_while_standing(look, pose, self._params.slow_bodies)
+        for body, vx_mps, vy_mps in trackers.slow.look(slow, look.stamp_s, space.is_visible_upright):
+            space.mark_slow_hidden_body(body, vx_mps, vy_mps, pose)
+        walking = space.appeared(look, pose)
+        for body, vx_mps, vy_mps in trackers.walking.look(walking, look.stamp_s, space.is_visible):
+            space.mark_hidden_body(body, vx_mps, vy_mps, pose)
         wide = self._wide_space
         wide.chair(self.chair)
         wide.observe(wide_look, pose)

@@ -15,7 +15,7 @@ import numpy as np
 
 from robot_stack.core.geometry import Pose2, wrap_angle
 from robot_stack.core.robot import Footprint, Robot
-from robot_stack.perception.params import SpaceParams
+from robot_stack.perception.params import MovingObjectParams, SpaceParams
 from robot_stack.perception.space import kernels
 from robot_stack.perception.space.kernels import UNSEEN, Cells, Float, Floats
 from robot_stack.perception.space.rolling import rolled
@@ -23,6 +23,8 @@ from robot_stack.perception.space.view import View
 
 _MOST_POINTS = 8000
 _STEP_S = 0.05
+_STANDS_M = 0.02
+_TINY = 1e-9
 _HIDDEN_M = 1.6  # before an attached chair, an object 0.25 m high is hidden for 1.5 m
 
 
@@ -63,6 +65,8 @@ class Space:
         self._pose: Pose2 | None = None
         self._newest_s = -math.inf
         self._travel_m = 0.0
+        self._stands_at: Pose2 | None = None
+        self._stands_since_s = -math.inf
         self._chair = False
         self._points = np.empty((_MOST_POINTS, 3), np.float32)
         self._found = np.zeros((count, count), np.bool_)
@@ -93,7 +97,7 @@ class Space:
         if view.stamp_s < self._newest_s - self._params.fade_s:
             self.forget()
         if view.stamp_s >= self._newest_s:
-            self._move_to(pose)
+            self._move_to(pose, view.stamp_s)
             self._newest_s = view.stamp_s
         now_s = self._newest_s
         footprint = self._robot.footprint_with_chair if self._chair else self._robot.footprint
@@ -150,34 +154,71 @@ class Space:
     def appeared(self, view: View, pose: Pose2) -> Floats:
         """(n, 5) of each newly occupied cell without an older obstacle right beside it, the mean return:
         x, y in odom, z, 1 if it was free and 0 if unseen, number of returns. Call ``observe`` first."""
+        return self._appeared(view, pose, self._newest_s - self._params.moving_objects.new_s)
+
+    def appeared_while_standing(self, view: View, pose: Pose2, slow: MovingObjectParams) -> Floats:
+        """As ``appeared``, since the robot stands within 2 cm, a turn counting by ``lever_m``; at most ``new_s`` ago.
+
+        Nothing before it has stood for ``follow_s``: while it moves, edges that come into view creep like slow bodies.
+        """
+        since_s = self._stands_since_s
+        if self._newest_s - since_s < slow.follow_s:
+            return np.empty((0, 5))
+        return self._appeared(view, pose, max(since_s, self._newest_s - slow.new_s))
+
+    def _appeared(self, view: View, pose: Pose2, after_s: float) -> Floats:
+        """after_s: cells occupied later are new."""
         p = self._params
         hits, out = np.ascontiguousarray(view.hits, np.float32), np.empty((len(view.hits), 5))
         cells = (self._state, self._since_s, self._found, self._corner, p.cell_m)
-        apart, after_s = round(p.moving_objects.apart_m / p.cell_m), self._newest_s - p.moving_objects.new_s
+        apart = round(p.moving_objects.apart_m / p.cell_m)
         return out[: kernels.appeared(*cells, _array(pose), hits, apart, after_s, out)]
 
     def is_visible(self, x_m: float, y_m: float, top_m: float) -> bool:
-        """True if rays at that place in odom are low enough to detect an object of height ``top_m``."""
+        """True if rays at that place in odom are low enough to detect an object of height ``top_m``, and a person."""
+        return self._is_passed(x_m, y_m, self._shows_m(top_m))
+
+    def is_visible_upright(self, x_m: float, y_m: float, top_m: float) -> bool:
+        """As ``is_visible``, for an object that does not bend down: a tall one is detected by higher rays as well."""
+        return self._is_passed(x_m, y_m, top_m - self._params.top_margin_m)
+
+    def _is_passed(self, x_m: float, y_m: float, height_m: float) -> bool:
+        """True if the lowest recent rays at that place in odom are no higher than ``height_m``."""
         cell_m, count = self._params.cell_m, len(self._state)
         column, row = math.floor(x_m / cell_m) - self._corner[0], math.floor(y_m / cell_m) - self._corner[1]
         inside = 0 <= row < count and 0 <= column < count
         if not inside or self._ray_s[row, column] < self._newest_s - 0.5 * self._params.fade_s:
             return False
-        return bool(self._ray_m[row, column] <= self._shows_m(top_m))
+        return bool(self._ray_m[row, column] <= height_m)
+
+    def mark_slow_hidden_body(self, body: Floats, vx_mps: float, vy_mps: float, pose: Pose2) -> None:
+        """As ``mark_hidden_body``, and, if it approaches, also straight towards the footprint.
+
+        The visible rest of a slow body that gets hidden bends its course by up to 20 deg."""
+        self.mark_hidden_body(body, vx_mps, vy_mps, pose)
+        rear, front, half = self._beside()
+        x, y, c, s = _array(pose)
+        dx, dy = body[:, 0].mean() - x, body[:, 1].mean() - y
+        u, v = c * dx + s * dy, c * dy - s * dx
+        to_u, to_v = min(max(u, rear), front) - u, min(max(v, -half), half) - v
+        away_m, towards = math.hypot(to_u, to_v), np.array([c * to_u - s * to_v, s * to_u + c * to_v])
+        if away_m > 0.0 and towards @ (vx_mps, vy_mps) > 0.0:
+            to_x, to_y = math.hypot(vx_mps, vy_mps) / away_m * towards
+            self.mark_hidden_body(body, float(to_x), float(to_y), pose)
 
     def mark_hidden_body(self, body: Floats, vx_mps: float, vy_mps: float, pose: Pose2) -> None:
         """Marks where a moving object, last observed as ``body``, (n, 3) x, y in odom, z, may have gone as occupied.
 
         That is along its course, up to the robot, or to where it would be observed again."""
-        p, footprint = self._params, self._robot.footprint_with_chair if self._chair else self._robot.footprint
-        rear, front, half = _rectangle(footprint, p.moving_objects.beside_m)
+        p, (rear, front, half) = self._params, self._beside()
         x, y, c, s = _array(pose)
         at, top_m, hidden = body, float(body[:, 2].max()), False
         middle = body[:, :2].mean(axis=0)
         end_s, speed_mps = p.moving_objects.coast_s, math.hypot(vx_mps, vy_mps)
         if vx_mps * (x - middle[0]) + vy_mps * (y - middle[1]) > 0.0:  # a slow one approaches for longer
-            end_s = max(end_s, _HIDDEN_M / max(speed_mps, p.moving_objects.slowest_mps))
-        for after_s in np.arange(_STEP_S, end_s + _STEP_S, _STEP_S):
+            end_s = max(end_s, _HIDDEN_M / speed_mps)
+        step_s = max(_STEP_S, p.cell_m / max(speed_mps, _TINY))
+        for after_s in np.arange(step_s, end_s + step_s, step_s):
             on = body + np.array([after_s * vx_mps, after_s * vy_mps, 0.0])
             dx, dy = on[:, 0] - x, on[:, 1] - y
             u, v = c * dx + s * dy, c * dy - s * dx
@@ -200,6 +241,11 @@ class Space:
             self._travel_m,
         )
 
+    def _beside(self) -> Floats:
+        """Rear, front and half width of the footprint in force and ``beside_m`` around it, base_link, m."""
+        footprint = self._robot.footprint_with_chair if self._chair else self._robot.footprint
+        return _rectangle(footprint, self._params.moving_objects.beside_m)
+
     def _shows_m(self, top_m: float) -> float:
         """Height below which a ray detects an object that high: lower than its top, and than the LiDAR."""
         return min(top_m - self._params.top_margin_m, float(self._limits[kernels.WATCHED_BELOW_M]))
@@ -215,15 +261,19 @@ class Space:
         x, y = (float(self._corner[axis] * self._params.cell_m) for axis in (0, 1))
         return SpaceGrid(self._state, (x, y), self._params.cell_m)
 
-    def _move_to(self, pose: Pose2) -> None:
+    def _move_to(self, pose: Pose2, stamp_s: float) -> None:
         before = self._pose
         if before is not None and pose.distance_to(before) > self._params.jump_m:
             self.forget()  # odometry restarted
         elif before is not None:
-            turned_m = abs(wrap_angle(pose.yaw - before.yaw)) * self._params.lever_m
-            self._travel_m += pose.distance_to(before) + turned_m
+            self._travel_m += self._way_m(before, pose)
+        if before is None or self._stands_at is None or self._way_m(self._stands_at, pose) > _STANDS_M:
+            self._stands_at, self._stands_since_s = pose, stamp_s
         self._pose = pose
         self._centre_on(pose)
+
+    def _way_m(self, begin: Pose2, end: Pose2) -> float:
+        return end.distance_to(begin) + abs(wrap_angle(end.yaw - begin.yaw)) * self._params.lever_m
 
     def _centre_on(self, pose: Pose2) -> None:
         """Rolls so that ``pose`` is in the middle. Cells that leave the grid are dropped, new cells are unseen."""

@@ -18,6 +18,7 @@ from tests.unit.space.yard import ADULT, CHILD, POLE, Block, Post, Yard, near, s
 
 P = PARAMS.moving_objects
 FAST = load(PerceptionParams, "perception_pipeline").fast_bodies.moving_objects
+SLOW = load(PerceptionParams, "perception_pipeline").slow_bodies
 LOOK_S = 0.1
 
 
@@ -179,6 +180,34 @@ def test_long_body_overlapping_its_previous_place_stays_moving() -> None:
     assert len(movers.at(11.9, IDENTITY)) > 0
 
 
+@pytest.mark.parametrize("speed_mps", [0.08, 0.15, 0.3])
+def test_a_slow_cart_is_lost_at_the_last_rays_with_its_velocity(speed_mps: float) -> None:
+    """Its front is new for some seconds; beyond the edge of a strip rays pass only above it."""
+    movers, edge_m, lost = MovingObjects(SLOW), 3.0, list[tuple[NDArray[np.float64], float, float]]()
+    from_m = edge_m + speed_mps * (SLOW.new_s + 2.0)
+    for number in range(round((from_m - edge_m + 1.6) / (speed_mps * LOOK_S))):
+        front = from_m - speed_mps * number * LOOK_S
+        new_m = speed_mps * min(number * LOOK_S, SLOW.new_s) - SLOW.apart_m
+        shown = cart(front + new_m, max(front, edge_m)) if front + new_m > edge_m else np.empty((0, 5))
+        lost += movers.look(shown, 10.0 + number * LOOK_S, lambda x, y, top: top > 0.3 or x > edge_m)
+    assert len(lost) > 0
+    body, vx, vy = lost[0]
+    assert vx == pytest.approx(-speed_mps, abs=0.3 * speed_mps)
+    assert abs(vy) < 0.1 * speed_mps
+    assert edge_m - 0.4 < body[:, 0].min() < edge_m + 0.2
+
+
+def test_what_stays_or_stops_in_view_is_no_slow_body_that_got_lost() -> None:
+    movers, random = MovingObjects(SLOW), np.random.default_rng(5)
+    for number in range(200):
+        came = 0.2 * min(number * LOOK_S, 5.0)
+        shown = [cart(4.4 - came, 4.0 - came)] if number < 90 else []
+        if number % 3:
+            shown.append(body(2.0, 1.0, random))
+        points = np.concatenate(shown) if shown else np.empty((0, 5))
+        assert movers.look(points, 10.0 + number * LOOK_S, lambda x, y, top: x > 2.5) == []
+
+
 def test_body_in_unobserved_area_starts_no_track_but_continues_existing_one() -> None:
     found = np.array([1.0, 1.0, 1.0, 0.0, 1.0])
     movers = MovingObjects(P)
@@ -277,6 +306,47 @@ def test_arrival_requires_previously_free_place() -> None:
     assert come(scanner, NEAR) == 0  # static by now
 
 
+def test_while_the_robot_moves_nothing_is_new_to_the_tracker_of_slow_bodies() -> None:
+    def slow_returns(scanner: Scanner, x_m: float) -> int:
+        scanner.now_s += LOOK_S
+        view, pose = scanner.view(NEAR), Pose2(x_m, 0.0, 0.0)
+        scanner.space.observe(view, pose)
+        return len(scanner.space.appeared_while_standing(view, pose, SLOW))
+
+    stood = round(SLOW.follow_s / LOOK_S) + 1
+    standing = Scanner()
+    for number in range(stood):
+        standing.look(pose=Pose2(0.015 * (number % 2), 0.0, 0.0))  # noise of odometry
+    assert slow_returns(standing, 0.0) > 0
+    creeping = Scanner()
+    for number in range(stood):
+        creeping.look(pose=Pose2(0.004 * number, 0.0, 0.0))  # 0.04 m/s
+    assert slow_returns(creeping, 0.004 * stood) == 0
+    wall = (NEAR[0], NEAR[1], NEAR[2] + 0.1)  # the same, from 0.1 m farther back
+    known = (
+        Scanner().look(pose=Pose2(-0.3, 0.0, 0.0)).look(wall, pose=Pose2(-0.1, 0.0, 0.0)).look(NEAR, times=stood + 1)
+    )
+    assert slow_returns(known, 0.0) == 0
+
+
+def test_a_slow_hidden_body_is_kept_on_its_course_and_straight_before_the_robot() -> None:
+    """The course of a slow one that gets hidden is known to some 20 deg."""
+    scanner = Scanner()
+    scanner.look(vouch=False)
+    body_there = np.array([[2.0, 0.2, 0.5]])
+    scanner.space.mark_slow_hidden_body(body_there, -0.2, 0.1, IDENTITY)
+    scanner.now_s += LOOK_S
+    places = scanner.remembered()[:, :2]
+    straight, course = (0.58, 0.2), (0.57, 0.92)
+    for place in (straight, course):
+        assert np.hypot(*(places - place).T).min() < 0.15, place
+    scanner = Scanner()
+    scanner.look(vouch=False)
+    scanner.space.mark_slow_hidden_body(body_there, 0.2, 0.0, IDENTITY)
+    scanner.now_s += LOOK_S
+    assert scanner.remembered()[:, 0].min() > 1.95  # it leaves
+
+
 def test_lost_person_is_remembered_only_in_hidden_area() -> None:
     someone = np.array([[SEEN[0], SEEN[1], 1.2]])
     scanner = Scanner().look(NEAR)
@@ -297,6 +367,8 @@ def test_lost_person_is_remembered_only_in_hidden_area() -> None:
 def test_visibility_requires_object_above_lowest_ray_and_outside_robot() -> None:
     scanner = Scanner(HIGH).look(vouch=True)
     assert not scanner.space.is_visible(*SEEN, 1.7)  # a child fits below rays at 1.2 m
+    assert scanner.space.is_visible_upright(*SEEN, 1.7)
+    assert not scanner.space.is_visible_upright(*SEEN, 1.2)
     scanner.origin_m = (0.45, 0.0, 0.40)
     scanner.look()
     assert scanner.space.is_visible(*SEEN, 1.7)

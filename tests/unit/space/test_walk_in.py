@@ -282,3 +282,47 @@ def test_start_is_slow_until_the_path_is_seen() -> None:
     assert (begin.limit.linear_mps, begin.limit.codes, begin.faults) == (pytest.approx(0.3), ("WAY_UNSEEN",), ())
     yard.run(4.0, Twist2(0.3, 0.0, 0.0))
     assert (verdict(yard, ahead).limit.linear_mps, verdict(yard, ahead).limit.codes) == (1.5, ())
+
+
+START, TURN = Twist2(0.3, 0.0, 0.0), Twist2(0.0, 0.0, 0.3)
+
+
+def stopped_on_known_ground(**things: Block | Post) -> Yard:
+    """The robot has driven up with the chair and stands, so that it may start in any direction."""
+    yard = Yard(chair=True, **things).run(6.0, Twist2(0.5, 0.0, 0.0)).run(0.5)
+    for twist in (START, TURN):
+        assert verdict(yard, twist).faults == ()
+        assert verdict(yard, twist).limit.linear_mps > 0.2
+    return yard
+
+
+def come(yard: Yard, name: str, begin: tuple[float, float], end: tuple[float, float], speed_mps: float) -> Yard:
+    """Moves an object from and to places in base_link."""
+    yard.at[name] = (yard.pose.x + begin[0], yard.pose.y + begin[1])
+    return yard.walk(name, (yard.pose.x + end[0], yard.pose.y + end[1]), speed_mps)
+
+
+@pytest.mark.parametrize(("top_m", "speed_mps", "from_m"), [(0.50, 0.1, 3.6), (0.50, 0.25, 4.6), (0.25, 0.2, 4.6)])
+def test_a_slow_cart_that_went_before_the_knees_permits_no_start(top_m: float, speed_mps: float, from_m: float) -> None:
+    """0.9 m long, and slower than what counts as walking: no ray meets it where it stops, 0.1 m before the chair."""
+    yard = stopped_on_known_ground(cart=Block(0.45, 0.25, 0.05, top_m))
+    to_m = ROBOT.footprint_with_chair.front_m + 0.1 + 0.45
+    come(yard, "cart", (from_m + 0.45, 0.0), (to_m, 0.0), speed_mps).run(4.0)
+    assert "COLLISION_IMMINENT" in verdict(yard, START).faults
+    assert verdict(yard, Twist2(-0.3, 0.0, 0.0)).limit.linear_mps > 0.2
+
+
+def test_a_slow_cart_that_went_beside_the_chair_permits_no_turn_into_it() -> None:
+    yard = stopped_on_known_ground(cart=Block(0.30, 0.25, 0.05, 0.25))
+    to_m = 0.5 * ROBOT.footprint_with_chair.width_m + 0.08 + 0.25
+    come(yard, "cart", (1.1, 3.2), (1.1, to_m), 0.15).run(3.0)
+    assert "COLLISION_IMMINENT" in verdict(yard, TURN).faults
+    assert verdict(yard, Twist2(0.0, 0.0, -0.3)).limit.angular_radps > 0.1
+
+
+@pytest.mark.parametrize("speed_mps", [0.15, 0.25])
+def test_a_person_who_stops_slowly_before_the_passenger_and_leaves_is_not_remembered(speed_mps: float) -> None:
+    yard = stopped_on_known_ground(who=ADULT)
+    come(yard, "who", (3.2, 0.0), (2.4, 0.0), speed_mps).run(5.0)
+    come(yard, "who", (2.4, 0.0), (4.5, 1.5), 1.0).run(1.0)
+    assert verdict(yard, START).faults == ()
