@@ -171,3 +171,13 @@ def test_an_edge_that_cannot_be_read_is_a_fault_of_the_drives() -> None:
     story.edge = None
     story.run(1.0)
     assert "CONTACT: safety edge pressed: front" in story.reset().message
+
+
+def test_the_contact_ends_exactly_after_the_debounce_time() -> None:
+    watch = EdgeWatch(fitted=True, debounce_s=0.25)  # a sum of powers of two: no rounding
+    watch.received(FRONT, 1.0)
+    watch.received(FREE, 1.5)
+    watch.received(FREE, 1.625)
+    assert watch.judge().level is Level.PRESENT
+    watch.received(FREE, 1.75)
+    assert watch.judge() == CLEAR
