@@ -1,5 +1,5 @@
 # shellcheck shell=bash
-# Sourced by launch_scripts/test: how the tests are run.
+# Sourced by launch_scripts/test: how the tests are run. junit: folder of JUnit files, empty for none.
 
 # Every run is the same, and a test that fails has failed: nothing is repeated. Random examples: launch_scripts/explore.
 given_tests() {
@@ -12,7 +12,7 @@ fast_tests() {
 }
 
 run_tests() {
-  python -m pytest -o cache_dir=".pytest_cache/$1" "${@:2}"
+  python -m pytest -o cache_dir=".pytest_cache/$1" ${junit:+--junitxml="$junit/$1.xml"} "${@:2}"
 }
 
 # One after the other. The scheduled tests give the same result at any load, but would slow the pages of the touch screen.

@@ -1,4 +1,4 @@
-"""The systemd unit: it starts the installed stack, keeps its state, and has minimal rights."""
+"""The systemd units and the container: they start the installed stack, keep its state, and have minimal rights."""
 
 from __future__ import annotations
 
@@ -8,19 +8,22 @@ import subprocess
 from pathlib import Path
 
 import pytest
+import yaml
 
 from robot_stack.core.config import load
 from robot_stack.core.runtime import state_dir
+from robot_stack.supervisor.profile import load_plan
 from robot_stack.ui.params import TouchUiParams
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "launch_scripts"
-UNIT = SCRIPTS / "robot-stack.service"
+UNIT, KIOSK = SCRIPTS / "robot-stack.service", SCRIPTS / "robot-stack-kiosk.service"
 needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd on this machine")
 
 
 @needs_systemd
-def test_the_unit_is_understood() -> None:
-    done = subprocess.run(["systemd-analyze", "verify", str(UNIT)], capture_output=True, text=True, check=False)
+@pytest.mark.parametrize("unit", [UNIT, KIOSK], ids=lambda path: path.name)
+def test_the_unit_is_understood(unit: Path) -> None:
+    done = subprocess.run(["systemd-analyze", "verify", str(unit)], capture_output=True, text=True, check=False)
     said = [line for line in done.stderr.splitlines() if "is not executable" not in line]  # not installed here
     assert said == []
 
@@ -42,12 +45,31 @@ def test_the_user_is_a_system_user_and_the_one_of_the_unit() -> None:
     assert done.returncode == 0, done.stderr
     assert re.search(r"^u robot - .* /var/lib/robot_stack$", file.read_text(), re.MULTILINE)
     assert "User=robot\n" in UNIT.read_text()
+    assert re.search(r"^u screen - ", file.read_text(), re.MULTILINE)
+    assert "User=screen\n" in KIOSK.read_text()
+
+
+def test_the_kiosk_shows_the_page_of_the_stack() -> None:
+    assert f"--app=http://127.0.0.1:{load(TouchUiParams, 'touch_ui').server.port}/ " in KIOSK.read_text()
+
+
+def test_the_containers_start_profiles_of_the_stack_with_the_units_limits() -> None:
+    folder = SCRIPTS / "docker"
+    services = yaml.safe_load((folder / "compose.yaml").read_text())["services"]
+    default = re.search(r"^CMD (\[.*\])$", (folder / "Dockerfile").read_text(), re.MULTILINE)
+    assert default is not None
+    commands = [yaml.safe_load(default[1]), services["robot"]["command"]]
+    assert [command[-1] for command in commands] == ["sim", "robot"]
+    for command in commands:
+        load_plan(command[-1])
+    assert f"LimitRTPRIO={services['robot']['ulimits']['rtprio']}\n" in UNIT.read_text()
+    assert (folder / services["simulation"]["build"]["context"]).resolve() == SCRIPTS.parent
 
 
 def test_the_rules_name_the_ports_of_the_services_domain_and_of_its_pages() -> None:
     text = UNIT.read_text()
     assert "ROS_DOMAIN_ID=0 " in text
-    defined = "-D robot=robot -D screen=robot -D ports=7400-7649 -D pages=8460-8479"
+    defined = "-D robot=robot -D screen=screen -D ports=7400-7649 -D pages=8460-8479"
     assert f"ExecStartPre=+/usr/sbin/nft {defined} -f /opt/robot_stack/" in text
     server = load(TouchUiParams, "touch_ui").server
     assert f"pages={server.port}-{server.port + server.ports - 1} " in defined + " "
