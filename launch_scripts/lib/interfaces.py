@@ -28,9 +28,18 @@ def _build(package: Path, prefix: Path, environment: dict[str, str]) -> Path:
     log = build / "build.log"
     log.unlink(missing_ok=True)
     cmake = str(prefix / "bin/cmake")
+    before = installed(build)
     run_logged([cmake, *_configuration(package, prefix, build)], environment, log)
     run_logged([cmake, "--build", str(build), "--target", "install"], environment, log)
+    for stale in before - installed(build):  # of definitions that the package has lost
+        stale.unlink(missing_ok=True)
     return package
+
+
+def installed(build: Path) -> set[Path]:
+    """The files of the last installation from a build folder."""
+    manifest = build / "install_manifest.txt"
+    return {Path(line) for line in manifest.read_text().splitlines()} if manifest.exists() else set()
 
 
 def _configuration(package: Path, prefix: Path, build: Path) -> list[str]:

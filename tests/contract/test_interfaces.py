@@ -71,9 +71,7 @@ ROBOT_MESSAGES = {
 
 # From the motion engine's topic and service documents; the spelling of the gear ratio's denominator is corrected.
 _AXIS_REPLY = {"success": "boolean", "message": "string"}
-_INTS, _DOUBLES, _BYTES = "sequence<int32>", "sequence<double>", "sequence<uint8>"
-_BYTES_REPLY = {"success": "boolean", "data": _BYTES, "message": "string"}
-_BIT, _MASTER = {"byte": "int32", "bit": "int32"}, {"master_id": "int32"}
+_INTS, _DOUBLES = "sequence<int32>", "sequence<double>"
 WMX_TYPES: dict[str, list[dict[str, str]]] = {
     "msg.AxisState": [
         dict.fromkeys(
@@ -88,19 +86,6 @@ WMX_TYPES: dict[str, list[dict[str, str]]] = {
     "srv.SetEngine": [{"data": "boolean", "path": "string", "name": "string"}, _AXIS_REPLY],
     "srv.SetAxis": [{"index": _INTS, "data": _INTS}, _AXIS_REPLY],
     "srv.SetAxisGearRatio": [{"index": _INTS, "numerator": _DOUBLES, "denominator": _DOUBLES}, _AXIS_REPLY],
-    # Beyond those documents, from newer versions of the vendor's application.
-    "srv.GetIoBit": [_BIT, {"success": "boolean", "value": "int32", "message": "string"}],
-    "srv.GetIoBytes": [{"byte": "int32", "length": "int32"}, _BYTES_REPLY],
-    "srv.SetIoBit": [{**_BIT, "value": "int32"}, _AXIS_REPLY],
-    "srv.SetIoBytes": [{"byte": "int32", "data": _BYTES}, _AXIS_REPLY],
-    "srv.LoadWmxParams": [{"file_path": "string"}, _AXIS_REPLY],
-    "srv.GetWmxParams": [{"index": _INTS}, {**_AXIS_REPLY, "params_dump": "sequence<string>"}],
-    "srv.EcatRegisterRead": [
-        dict.fromkeys(("master_id", "slave_id", "reg_address", "length"), "int32"),
-        _BYTES_REPLY,
-    ],
-    "srv.EcatResetStatistics": [_MASTER, _AXIS_REPLY],
-    "srv.EcatStartHotconnect": [_MASTER, _AXIS_REPLY],
 }
 
 # Every closed set of states in a document: the constants must be exactly these.

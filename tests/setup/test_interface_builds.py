@@ -18,6 +18,26 @@ def steps(monkeypatch: pytest.MonkeyPatch) -> ModuleType:
     return importlib.import_module("steps")
 
 
+def test_files_of_removed_definitions_are_uninstalled(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """CMake's part is played: each installation writes the files and the manifest."""
+    monkeypatch.syspath_prepend(str(LIBRARY))
+    interfaces = importlib.import_module("interfaces")
+    installations = [["a", "b"], ["b", "c"]]
+
+    def run(command: list[str], _: dict[str, str], __: Path) -> None:
+        if "--build" in command:
+            files = [tmp_path / name for name in installations.pop(0)]
+            for file in files:
+                file.touch()
+            manifest = tmp_path / "build/messages/install_manifest.txt"
+            manifest.write_text("".join(f"{file}\n" for file in files))
+
+    monkeypatch.setattr(interfaces, "run_logged", run)
+    for _ in range(2):
+        assert list(interfaces.build_all([Path("messages")], tmp_path, {})) == [Path("messages")]
+    assert [name for name in "abc" if (tmp_path / name).exists()] == ["b", "c"]
+
+
 def test_any_change_of_a_definition_is_a_change(steps: ModuleType, tmp_path: Path) -> None:
     message = tmp_path / "A.msg"
     message.write_text("float64 x\n")
