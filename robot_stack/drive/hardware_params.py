@@ -12,21 +12,14 @@ from robot_stack.core.config import Config
 from robot_stack.core.robot import Robot
 from robot_stack.drive.params import Positive, max_wheel_speed_mps
 from robot_stack.drive.wheel_axes import AxisSettings
+from robot_stack.wmx.session_params import SessionParams
 
 _COMMAND_STALE_S = topics.WHEEL_COMMANDS.stale_limit_s
 
 
-class SessionParams(Config):
-    """See ``Patience``; absent_retry_s is its retry_s. communication_retry_s, request_pause_s: between repetitions of
-    an unfulfilled request. standstill_radps: a slower wheel stands.
-    """
+class DriveSessionParams(SessionParams):
+    """standstill_radps: a slower wheel stands."""
 
-    absent_retry_s: Positive
-    attempts: Annotated[int, Field(ge=1)]
-    attempt_pause_s: Positive
-    communication_retry_s: Positive
-    request_pause_s: Positive
-    probe_period_s: Positive
     standstill_radps: Positive
 
 
@@ -41,7 +34,7 @@ class SwerveHardwareParams(Config):
     command_lifetime_s: Annotated[float, Field(gt=0.0, le=0.5)]
     softest_slowing_mps2: Annotated[float, Field(ge=0.5)]
     end_timeout_s: Positive
-    session: SessionParams
+    session: DriveSessionParams
 
     @model_validator(mode="after")
     def _silence_is_answered_here_first(self) -> SwerveHardwareParams:

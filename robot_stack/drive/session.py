@@ -14,14 +14,14 @@ import numpy as np
 
 from robot_stack.contract.frames import MODULES
 from robot_stack.drive import axis_commands
-from robot_stack.drive.hardware_params import SessionParams
+from robot_stack.drive.hardware_params import DriveSessionParams
 from robot_stack.drive.kinematics import ModuleSetPoints
 from robot_stack.drive.wheel_axes import AxisSettings, DriveMove, SteerMove, drive_moves, steer_moves, stop_moves
 from robot_stack.wmx.api import AxisCommandMode, EStopLevel
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import EngineParameters
 from robot_stack.wmx.device_opener import DeviceOpener, OpenEngine, PromptOpener
-from robot_stack.wmx.session import Applied, EngineSession, Patience
+from robot_stack.wmx.session import Applied, EngineSession
 from robot_stack.wmx.start_up import Machine, Missing, SessionState, Stage, StartUp
 
 # Requests, as refusals name them.
@@ -45,7 +45,7 @@ class DriveSession:
     def __init__(
         self,
         open_engine: OpenEngine,
-        params: SessionParams,
+        params: DriveSessionParams,
         axes: AxisSettings,
         parameters: EngineParameters,
         parameter_file: str,
@@ -56,10 +56,7 @@ class DriveSession:
         after which the engine stops a wheel without a new command. parameter_file: holds ``parameters``; imported into
         every new engine and read back.
         """
-        patience = Patience(
-            params.absent_retry_s, params.attempts, params.attempt_pause_s, probe_period_s=params.probe_period_s
-        )
-        self._engine = EngineSession(open_engine, patience, opener=opener)
+        self._engine = EngineSession(open_engine, params.patience(), opener=opener)
         drives, steers = axes.drive_axes, axes.steer_axes
         modules = tuple(zip(MODULES, drives, steers, strict=True))
         machine = Machine(

@@ -14,12 +14,11 @@ from robot_stack.core.config import Config
 from robot_stack.core.limits import MotionLimits
 from robot_stack.wmx.api import MAX_AXES
 from robot_stack.wmx.differential.kinematics import BaseGeometry, WheelAxes
-from robot_stack.wmx.session import Patience
+from robot_stack.wmx.session_params import Pause, SessionParams
 
 Axis = Annotated[int, Field(ge=0, lt=MAX_AXES)]
 Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0, le=1e3)]
-Pause = Annotated[float, Field(gt=0.0, le=60.0)]
 Polarity = Literal[1, -1]
 Matrix3 = tuple[float, ...]
 """3 x 3, row-major."""
@@ -51,19 +50,12 @@ class LimitParams(Config):
     angular_jerk_radps3: NotNegative
 
 
-class SessionParams(Config):
-    """See ``Patience``. communication_retry_s, request_pause_s: between repetitions of an unfulfilled request.
-    follow_s: time after a command in which a wheel must reach velocity motion, and largest age of the status for a
+class DiffDriveSessionParams(SessionParams):
+    """follow_s: time after a command in which a wheel must reach velocity motion, and largest age of the status for a
     command, both in the engine's time. standstill_radps: a slower wheel stands. command_lifetime_s: timeout after
     which the engine itself stops wheels without a new command.
     """
 
-    retry_s: Pause
-    communication_retry_s: Pause
-    request_pause_s: Pause
-    attempts: Annotated[int, Field(ge=1)]
-    attempt_pause_s: Pause
-    probe_period_s: Pause
     command_lifetime_s: Annotated[float, Field(gt=0.0, le=2.0)]
     follow_s: Pause
     standstill_radps: Positive
@@ -101,7 +93,7 @@ class DiffDriveParams(Config):
     publish_tf: bool
     end_timeout_s: Positive
     odometry: OdometryParams
-    session: SessionParams
+    session: DiffDriveSessionParams
 
     @model_validator(mode="after")
     def _consistent(self) -> DiffDriveParams:
@@ -146,10 +138,6 @@ def motion_limits(limits: LimitParams) -> MotionLimits | None:
         jerk_mps3=limits.linear_jerk_mps3 or _UNLIMITED,
         yaw_jerk_radps3=limits.angular_jerk_radps3 or _UNLIMITED,
     )
-
-
-def patience(params: SessionParams) -> Patience:
-    return Patience(params.retry_s, params.attempts, params.attempt_pause_s, params.probe_period_s)
 
 
 def parameter_file(params: DiffDriveParams, config_folder: Path) -> str:

@@ -15,7 +15,7 @@ from robot_stack.wmx.axes import AxisFeedback, StatusSnapshot
 from robot_stack.wmx.device_opener import OpenEngine
 from robot_stack.wmx.failures import ABSENT, BUSY
 from robot_stack.wmx.manipulator.params import ManipulatorStateParams
-from robot_stack.wmx.session import EngineSession, Log, Patience
+from robot_stack.wmx.session import EngineSession, Log
 from robot_stack.wmx.start_up import Machine, Missing, SessionState, Stage, StartUp
 
 _SCAN, _STOP_BUS = "network scan", "stopping communication"
@@ -32,14 +32,7 @@ class BringUp:
         """open_engine: opens a device after a short wait; raises EngineError. parameter_file: empty for none."""
         self._params, self._parameter_file, self._log = params, parameter_file, log
         settings = params.session
-        patience = Patience(
-            settings.retry_s,
-            settings.attempts,
-            settings.attempt_pause_s,
-            settings.probe_period_s,
-            waited_for=ABSENT - BUSY,
-            probe_always=False,
-        )
+        patience = settings.patience(waited_for=ABSENT - BUSY, probe_always=False)
         machine = Machine(
             dict(enumerate(params.joint_name[: params.joint_number])),
             {},

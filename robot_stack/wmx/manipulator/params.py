@@ -10,21 +10,16 @@ from pydantic import Field, model_validator
 from robot_stack.core.config import Config
 from robot_stack.wmx.api.values import MAX_AXES, MAX_IO_BYTES
 from robot_stack.wmx.config import Bit, Positive
+from robot_stack.wmx.session_params import SessionParams
 
 N_FINGERS = 2
 _UNSET = "no_param"
 
 
-class SessionParams(Config):
-    """See ``Patience`` and ``Machine``. poll_s: period of polls while there is nothing to publish."""
+class ManipulatorSessionParams(SessionParams):
+    """poll_s: period of polls while there is nothing to publish."""
 
     poll_s: Positive
-    retry_s: Positive
-    attempts: Annotated[int, Field(ge=1)]
-    attempt_pause_s: Positive
-    probe_period_s: Positive
-    communication_retry_s: Positive
-    request_pause_s: Positive
 
 
 class ManipulatorStateParams(Config):
@@ -52,7 +47,7 @@ class ManipulatorStateParams(Config):
     stop_communication: bool
     status_stale_s: Positive
     end_timeout_s: Positive
-    session: SessionParams
+    session: ManipulatorSessionParams
 
     @model_validator(mode="after")
     def _consistent(self) -> ManipulatorStateParams:

@@ -21,7 +21,6 @@ from robot_stack.wmx.differential.params import (
     motion_limits,
     named,
     parameter_file,
-    patience,
     wheel_axes,
 )
 from robot_stack.wmx.differential.session import WheelSession
@@ -48,7 +47,7 @@ class DiffDriveControllerNode(StackNode):
         self._odometry = WheelOdometry(self._base, params.odometry, most_radps)
         self._engine = EngineSession(
             lambda: connect("diff_drive_controller", client, timeout_s=0.0),
-            patience(params.session),
+            params.session.patience(),
             opener=lambda open_engine: self.device(ThreadedOpener, open_engine),
         )
         self._session = WheelSession(self._engine, params, parameter_file(params, config_dir()))

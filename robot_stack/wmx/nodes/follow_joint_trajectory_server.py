@@ -13,7 +13,7 @@ from robot_stack.wmx.config import load_client_config
 from robot_stack.wmx.device_opener import ThreadedOpener
 from robot_stack.wmx.nodes.trajectory_action import Job, TrajectoryAction
 from robot_stack.wmx.nodes.trajectory_messages import feedback_to_msg, goal_from_msg
-from robot_stack.wmx.session import EngineSession, Patience
+from robot_stack.wmx.session import EngineSession
 from robot_stack.wmx.trajectory.engine_arm import EngineArm
 from robot_stack.wmx.trajectory.goal import check_goal
 from robot_stack.wmx.trajectory.goal_queue import GoalQueue
@@ -34,7 +34,7 @@ class FollowJointTrajectoryServerNode(StackNode):
         super().__init__(_NAME, TrajectoryServerParams)
         client = load_client_config()
         self._limits = goal_limits(self.params)
-        patience = Patience(**self.params.link.model_dump())
+        patience = self.params.link.patience()
         session = EngineSession(
             lambda: connect(_NAME, client, timeout_s=0.0),
             patience,

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from robot_stack.core.config import Config
 from robot_stack.wmx.api.values import MAX_IO_BYTES, MAX_SPLINE_DIMENSIONS
+from robot_stack.wmx.session_params import LinkParams
 from robot_stack.wmx.trajectory.goal import GoalLimits
 
 Positive = Annotated[float, Field(gt=0.0)]
@@ -75,15 +76,6 @@ class WatchParams(Config):
     standstill_s: NotNegative
     stop_timeout_s: Positive
     quick_stop_timeout_s: Positive
-
-
-class LinkParams(Config):
-    """See ``Patience``."""
-
-    retry_s: Positive
-    attempts: Annotated[int, Field(ge=1)]
-    attempt_pause_s: Positive
-    probe_period_s: Positive
 
 
 class TrajectoryServerParams(Config):

@@ -47,7 +47,7 @@ def test_controller_refuses(path: str, value: Any):
         ("session.attempts", 0),
         ("command_lifetime_s", 0.6),
         ("session.probe_period_s", 0.0),
-        ("session.absent_retry_s", -1.0),
+        ("session.retry_s", -1.0),
     ],
 )
 def test_hardware_interface_refuses(path: str, value: Any):

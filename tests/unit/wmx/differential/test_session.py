@@ -24,7 +24,7 @@ from robot_stack.wmx.api import (
 )
 from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
 from robot_stack.wmx.differential.kinematics import REST, WheelPair
-from robot_stack.wmx.differential.params import DiffDriveParams, patience
+from robot_stack.wmx.differential.params import DiffDriveParams
 from robot_stack.wmx.differential.session import WheelSession
 from robot_stack.wmx.session import EngineSession
 from robot_stack.wmx.start_up import Stage
@@ -147,7 +147,7 @@ class Story:
         self.opened = 0
         self.now_s = 100.0
         session = PARAMS.session
-        self.connection = EngineSession(self._open, patience(session))
+        self.connection = EngineSession(self._open, session.patience())
         params = PARAMS.model_copy(update={"left_axis": LEFT, "right_axis": RIGHT, "acc_time": 0.5, "dec_time": 0.25})
         self.session = WheelSession(self.connection, params, parameter_file)
 
