@@ -99,6 +99,13 @@ class DockingController:
         """A docking or undocking is under way."""
         return not isinstance(self._phase, (_Idle, Latched))
 
+    def target(self, base: Pose2 | None) -> Pose2 | None:
+        """The dock's present frame in base_link while the robot moves into the dock, else None. base: in odom."""
+        dock = self.tracker.estimate
+        if self._state not in SERVOED or dock is None or base is None:
+            return None
+        return dock.pose.relative_to(base)
+
     @property
     def dock_id(self) -> str:
         """The dock of the present or the last job, empty before any."""

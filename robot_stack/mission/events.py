@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.goals import NavigationEvent, SendGoal
 from robot_stack.core.mission import Kind, Mission
+from robot_stack.core.mission_library import MissionError
 from robot_stack.mission.record import Record
 
 START_MISSION = "START_MISSION"
@@ -59,6 +61,16 @@ class Command:
     name: str
     mission: Mission | None = None
     problem: str = ""
+
+
+def command(name: str, find: Callable[[], Mission]) -> Command:
+    """find: returns the requested mission; called for START_MISSION only. A MissionError is the command's problem."""
+    if name != START_MISSION:
+        return Command(name)
+    try:
+        return Command(name, find())
+    except MissionError as error:
+        return Command(name, problem=str(error))
 
 
 @dataclass(frozen=True, slots=True)

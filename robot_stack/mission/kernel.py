@@ -87,6 +87,11 @@ class MissionKernel:
     def record(self) -> Record:
         return self._record
 
+    @property
+    def under_way(self) -> bool:
+        """The robot rides or docks for a mission."""
+        return self._record.state in UNDER_WAY
+
     def start_up(self, inputs: Inputs) -> tuple[Effect, ...]:
         """The effects at start-up: stop, journal the restored state, publish it."""
         report = self._report(inputs, 0.0, forced=True)
@@ -242,7 +247,7 @@ class MissionKernel:
 
     def _journal_failed(self, problem: str) -> tuple[Effect, ...]:
         why = f"the journal cannot be written: {problem}"
-        if self._answering and self._record.state in UNDER_WAY:
+        if self._answering and self.under_way:
             # Nothing has moved yet, because saving came first: the command is undone.
             self._record = replace(self._before, passenger_attached=self._record.passenger_attached)
             return (*self._refuse(why), *self._calls.drop())

@@ -91,7 +91,7 @@ class DockingControllerNode(StackNode):
         self._ticks += 1
         if self._ticks % _TICKS_PER_STATUS == 0:
             self._outputs.publish_status(output, self._controller.tracker.visible_markers)
-            self._outputs.target(output.state, self._controller.tracker.estimate, situation.odom)
+            self._outputs.publish_target(self._controller.target(situation.odom))
             self._actions.publish_feedback(output)
             self._report_state(output)
         self._end_jobs(output)

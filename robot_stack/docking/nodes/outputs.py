@@ -6,12 +6,11 @@ from std_msgs.msg import Bool
 
 from custom_msgs.msg import EHMIState, LatchStatus
 from robot_stack.contract import frames, topics
-from robot_stack.contract.states import SERVOED, DockingState
+from robot_stack.contract.states import DockingState
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.docking.nodes.messages import status
 from robot_stack.docking.params import DockingParams
 from robot_stack.docking.situation import Output
-from robot_stack.docking.target import Estimate
 from robot_stack.middleware.conversions import pose_stamped, twist_stamped
 from robot_stack.middleware.navigation_client import NavigationClient
 from robot_stack.middleware.node import StackNode
@@ -83,13 +82,9 @@ class DockingOutputs:
         message.header.stamp, message.header.frame_id = self._node.stamp(), frames.BASE_LINK
         self._latch.publish(message)
 
-    def target(self, state: DockingState, dock: Estimate | None, base: Pose2 | None) -> None:
-        """Publishes the dock's present frame in base_link while the robot moves into the dock.
-
-        dock, base: both in odom; None while unknown.
-        """
-        if state in SERVOED and dock is not None and base is not None:
-            pose = dock.pose.relative_to(base)
+    def publish_target(self, pose: Pose2 | None) -> None:
+        """See ``DockingController.target``."""
+        if pose is not None:
             self._target.publish(pose_stamped(pose, frames.BASE_LINK, self._node.stamp()))
 
     def command(self, twist: Twist2) -> None:

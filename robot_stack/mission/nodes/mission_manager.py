@@ -13,7 +13,7 @@ from robot_stack.contract.display import Display
 from robot_stack.core.config import load
 from robot_stack.core.departure import DepartureParams
 from robot_stack.core.docks import load_docks
-from robot_stack.core.mission_library import MissionError, mission_library
+from robot_stack.core.mission_library import mission_library
 from robot_stack.middleware.conversions import pose_from_msg, twist_from_msg
 from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.navigation_client import NavigationClient
@@ -25,7 +25,6 @@ from robot_stack.mission.nodes.docking_client import DockingClient
 from robot_stack.mission.nodes.outputs import MissionOutputs
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.perform import Performer, load_record
-from robot_stack.mission.states import UNDER_WAY
 
 _CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
 
@@ -63,15 +62,7 @@ class MissionManagerNode(StackNode):
     # --- inputs ------------------------------------------------------------------------------------------------------
 
     def _on_command(self, message: UICommand) -> None:
-        name = message.command_type
-        command = self._start_command(message.mission_id) if name == ev.START_MISSION else ev.Command(name)
-        self._handle(command)
-
-    def _start_command(self, mission_id: str) -> ev.Command:
-        try:
-            return ev.Command(ev.START_MISSION, self._library.find(mission_id))
-        except MissionError as error:
-            return ev.Command(ev.START_MISSION, problem=str(error))
+        self._handle(ev.command(message.command_type, lambda: self._library.find(message.mission_id)))
 
     def _on_language(self, message: String) -> None:
         self._outputs.set_language(message.data)
@@ -126,7 +117,7 @@ class MissionManagerNode(StackNode):
 
     def safe_output(self) -> None:
         """Stops the ride, which is no longer supervised. The journal restores the mission, paused."""
-        if self._kernel.record.state in UNDER_WAY:
+        if self._kernel.under_way:
             self._outputs.cancel_goal(everything=True)
             self._docking.cancel()
         self._outputs.show(Display.OFF)

@@ -14,6 +14,7 @@ from robot_stack.core.config import ConfigError, config_dir, load, read_yaml, va
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import Action, Kind, Mission, Waypoint
 from robot_stack.core.mission_library import MissionError, MissionLibrary, read_mission
+from robot_stack.mission import events as ev
 from robot_stack.mission import route
 from robot_stack.mission.params import MissionParams
 
@@ -257,3 +258,11 @@ def test_the_tolerances_are_those_of_the_specification():
     assert math.degrees(params.yaw_tolerance_rad) == pytest.approx(2.0, abs=0.01)
     assert params.tries == 3
     assert params.minimum_battery == 0.30
+
+
+def test_only_a_start_looks_for_a_mission() -> None:
+    def missing() -> Mission:
+        raise MissionError("no mission 'tour'")
+
+    assert ev.command(ev.PAUSE, missing) == ev.Command(ev.PAUSE)
+    assert ev.command(ev.START_MISSION, missing) == ev.Command(ev.START_MISSION, problem="no mission 'tour'")
