@@ -9,7 +9,8 @@ import argparse
 import os
 from pathlib import Path
 
-os.environ.setdefault("MUJOCO_GL", "egl")
+if __name__ == "__main__":  # not for an importing module: without EGL, mujoco could then not be imported at all
+    os.environ.setdefault("MUJOCO_GL", "egl")
 
 import PIL.Image
 

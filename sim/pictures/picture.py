@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-os.environ.setdefault("MUJOCO_GL", "egl")
+if __name__ == "__main__":  # not for an importing module: without EGL, mujoco could then not be imported at all
+    os.environ.setdefault("MUJOCO_GL", "egl")
 
 import mujoco
 import PIL.Image

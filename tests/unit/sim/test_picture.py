@@ -35,3 +35,12 @@ def test_a_route_that_does_not_exist_is_named(tmp_path: Path) -> None:
     done = picture("--output", str(tmp_path / "x.png"), "--after", "0.1", "--route", "moon")
     assert done.returncode == 2
     assert "no route 'moon'; there are tour, lap" in done.stderr
+
+
+@pytest.mark.parametrize("module", ["sim.pictures.picture", "sim.arm.picture"])
+def test_importing_it_requests_no_egl(module: str) -> None:
+    """Set-up imports every module, also on a machine without EGL, on which mujoco could then not be imported."""
+    environment = {name: value for name, value in os.environ.items() if name != "MUJOCO_GL"}
+    program = f"import os, {module}; print(os.environ.get('MUJOCO_GL'))"
+    done = subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True)
+    assert done.stdout == "None\n"
