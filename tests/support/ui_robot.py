@@ -65,11 +65,13 @@ class StandInRobot:
         self.display = EHMIStatus(linked=True, acknowledged_state=Display.NAVIGATING)
         self.x, self.y, self.yaw = 2.0, 1.0, 0.4
         self.commands: list[str] = []
+        self.languages: list[str] = []
         self.goals: list[PoseStamped] = []
         self.poses: list[Any] = []
         self.twists: list[TwistStamped] = []
         peer.listen(topics.EMERGENCY_STOP, self._on_stop)
         peer.listen(topics.UI_COMMAND, self._on_command)
+        peer.listen(topics.UI_LANGUAGE, lambda message: self.languages.append(message.data))
         peer.listen(topics.GOAL_POSE, self._on_goal)
         peer.listen(topics.INITIAL_POSE, self._on_pose)
         peer.listen(topics.TELEOP_CMD_VEL, self.twists.append)

@@ -27,6 +27,7 @@ def test_a_ride_from_the_first_touch_to_the_end(page: Any, robot: StandInRobot) 
     page.click('[data-mission="wheelchair_transport"]')
     page.click("#start")
     wait_command(robot, "START_MISSION wheelchair_transport")
+    wait_for(lambda: robot.languages == ["en"], "the rider's language for the external display")
     page.wait_for_selector('[data-state="RUNNING"]')
     assert "north path" in page.inner_text("h2")
     assert "3 minutes" in page.inner_text(".figures")
@@ -58,9 +59,10 @@ def test_ending_ride_requires_confirmation(page: Any, robot: StandInRobot) -> No
     ("code", "said"),
     [("ja", "どちらへ行きますか？"), ("zh-Hans", "您想去哪里？"), ("en", "Where would you like to go?")],
 )
-def test_languages_change_at_once_and_stay(page: Any, url: str, code: str, said: str) -> None:
+def test_languages_change_at_once_and_stay(page: Any, robot: StandInRobot, url: str, code: str, said: str) -> None:
     page.click(f'.languages [lang="{code}"]')
     wait_for(lambda: h2(page) == said, said)
+    wait_for(lambda: robot.languages == [code.removesuffix("-Hans")], "the rider's language for the external display")
     assert page.evaluate("document.documentElement.lang") == code
     page.goto(url)
     wait_for(lambda: h2(page) == said, said)
