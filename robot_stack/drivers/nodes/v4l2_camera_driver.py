@@ -2,33 +2,21 @@
 
 from __future__ import annotations
 
-import math
 import time
-from array import array
 from functools import partial
 
 import numpy as np
-from geometry_msgs.msg import TransformStamped
 from numpy.typing import NDArray
-from sensor_msgs.msg import Image
 
-from robot_stack.contract import frames, topics
-from robot_stack.contract.model import Topic
-from robot_stack.core.camera import camera_file, load_intrinsics
-from robot_stack.core.camera import mounting as camera_mounting
-from robot_stack.drivers.nodes.mounting import mounting
+from robot_stack.drivers.nodes.camera_output import CameraOutput, publish_mountings
 from robot_stack.drivers.nodes.v4l2_device import V4l2Device
 from robot_stack.drivers.v4l2.frames import FrameChooser, Picture
 from robot_stack.drivers.v4l2.params import V4l2CameraDriverParams
-from robot_stack.middleware.conversions import camera_info, time_from_s
+from robot_stack.middleware.conversions import time_from_s
 from robot_stack.middleware.device_thread import DeviceThread
 from robot_stack.middleware.node import StackNode, run
-from tf2_msgs.msg import TFMessage
 
-_ROWS: dict[str, tuple[str, Topic, Topic]] = {
-    "front": (frames.FRONT_CAMERA, topics.FRONT_IMAGE, topics.FRONT_CAMERA_INFO),
-    "rear": (frames.REAR_CAMERA, topics.REAR_IMAGE, topics.REAR_CAMERA_INFO),
-}
+_NAMES = ("front", "rear")
 
 
 class V4l2CameraDriverNode(StackNode):
@@ -36,18 +24,12 @@ class V4l2CameraDriverNode(StackNode):
 
     def __init__(self) -> None:
         super().__init__("v4l2_camera_driver", V4l2CameraDriverParams)
-        self._tf = self.advertise(topics.TF_STATIC)
         devices = self.params.devices
-        given = {name: getattr(devices, name) for name in _ROWS if getattr(devices, name)}
-        self._tf.publish(TFMessage(transforms=[self._mounting(_ROWS[name][0]) for name in given]))
+        given = {name: getattr(devices, name) for name in _NAMES if getattr(devices, name)}
+        publish_mountings(self, given)
         self._cameras = {name: _Camera(self, name, device) for name, device in given.items()}
         self.set_health(False, "waiting for the cameras")
         self.every(1.0 / self.params.silence_s, self._watch)
-
-    def _mounting(self, frame: str) -> TransformStamped:
-        pose = camera_mounting(self.robot, frame)
-        x, y, z = (float(value) for value in pose[:3, 3])
-        return mounting(frame, (x, y, z), pose[:3, :3], self.stamp())
 
     def _watch(self) -> None:
         """Reports silence; old images are never repeated."""
@@ -68,21 +50,15 @@ class _Camera:
 
     def __init__(self, node: V4l2CameraDriverNode, name: str, device: str) -> None:
         self._node, self._name = node, name
-        frame, image_row, info_row = _ROWS[name]
-        calibrated = load_intrinsics(camera_file(frame))
-        size = calibrated.width, calibrated.height
-        self._image = Image(height=size[1], width=size[0], encoding="mono8", step=size[0])
-        self._info = camera_info(calibrated)
-        self._image.header.frame_id = self._info.header.frame_id = frame
-        self._images, self._infos = node.advertise(image_row), node.advertise(info_row)
-        self._published_s = -math.inf
+        self._output = CameraOutput(node, name)
+        size = self._output.width, self._output.height
         self._chooser = FrameChooser(node.params, size[1], size[0])
         self._device = V4l2Device(device, size, node.params, self._chooser.begin_anew, self._wants, self._on_frame)
         self._thread = DeviceThread(self._device, node.params.reopen_s)
 
     def problem(self, now_s: float) -> str:
         """Why no images arrive; empty while they do."""
-        if now_s - self._published_s <= self._node.params.silence_s:
+        if now_s - self._output.published_s <= self._node.params.silence_s:
             return ""
         return f"no images of the {self._name} camera: {self._chooser.problem or self._thread.state}"
 
@@ -105,11 +81,7 @@ class _Camera:
     def _publish(self, picture: Picture) -> None:
         # The difference of the monotonic and the system clock at this moment.
         stamp = time_from_s(self._node.now_s() - (time.monotonic() - picture.time_s))
-        self._image.header.stamp = self._info.header.stamp = stamp
-        self._image.data = array("B", picture.pixels.tobytes())
-        self._images.publish(self._image)
-        self._infos.publish(self._info)
-        self._published_s = self._node.steady_s()
+        self._output.publish(picture.pixels, stamp)
 
 
 def main() -> None:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.drivers.counters import Counters
+from robot_stack.drivers.thinning import Thinning
 from robot_stack.drivers.v4l2.params import PixelFormat, V4l2CameraDriverParams
 
 _START, _END = b"\xff\xd8", b"\xff\xd9"
@@ -73,7 +74,7 @@ class FrameChooser:
         self.counters = Counters("lost frames", "corrupt frames")
         self.problem = ""
         self._last_s = -math.inf
-        self._due_s = -math.inf
+        self._thinning = Thinning(params.frames_per_image * self._period_s, 0.5 * self._period_s)
 
     def wants(self, stamp_s: float, now_s: float) -> bool:
         """Called for every frame, before it is decoded. stamp_s: the buffer's timestamp."""
@@ -87,12 +88,7 @@ class FrameChooser:
         if self._last_s > -math.inf:
             self.counters.add("lost frames", max(0, round((stamp_s - self._last_s) / self._period_s) - 1))
         self._last_s = stamp_s
-        if stamp_s < self._due_s - 0.5 * self._period_s:
-            return False
-        step_s = self._params.frames_per_image * self._period_s
-        behind = stamp_s - self._due_s >= step_s  # at the first frame, and after a gap
-        self._due_s = (stamp_s if behind else self._due_s) + step_s
-        return True
+        return self._thinning.wants(stamp_s)
 
     def picture(self, data: NDArray[np.uint8], stamp_s: float) -> Picture | None:
         """None for a buffer without an image, which is counted."""
@@ -107,4 +103,5 @@ class FrameChooser:
 
     def begin_anew(self) -> None:
         """The device was reopened: frames in between do not count as lost."""
-        self._last_s = self._due_s = -math.inf
+        self._last_s = -math.inf
+        self._thinning.restart()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -11,6 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from robot_stack.drivers.counters import Counters
 from robot_stack.drivers.device_clock import DeviceClock, Unwrapped
+from robot_stack.drivers.imu import Sample
 from robot_stack.drivers.xsens.mtdata2 import TICKS_PER_S, Measurement, MeasurementRefused, measurement
 from robot_stack.drivers.xsens.params import XsensDriverParams
 from robot_stack.drivers.xsens.xbus import (
@@ -28,16 +28,6 @@ LOST, DOUBLED, REFUSED, CLIPPED = "samples lost", "samples doubled", "samples re
 JUMPS = "clock jumps"
 START: Final = encode(Message(GO_TO_MEASUREMENT, b""))  # does nothing to a unit that measures already
 _COUNTER_RANGE, _TICKS = 1 << 16, 1 << 32
-
-
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """In base_link's axes, at the unit's place: m/s2 with gravity, rad/s. stamp_s: by this computer's clock."""
-
-    stamp_s: float
-    orientation_xyzw: tuple[float, float, float, float]
-    acceleration_mps2: tuple[float, float, float]
-    rotation_radps: tuple[float, float, float]
 
 
 class Unit:
