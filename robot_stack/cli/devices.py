@@ -25,6 +25,9 @@ from robot_stack.drivers.point_cloud.params import PointCloudAdapterParams
 from robot_stack.drivers.pylontech.params import PylontechDriverParams
 from robot_stack.drivers.v4l2.params import V4l2CameraDriverParams
 from robot_stack.drivers.velodyne.params import VelodyneDriverParams
+from robot_stack.drivers.vendor.battery import BatteryAdapterParams
+from robot_stack.drivers.vendor.image import CameraAdapterParams
+from robot_stack.drivers.vendor.imu import ImuAdapterParams
 from robot_stack.drivers.xsens.params import XsensDriverParams
 
 _PROFILE = "robot"
@@ -59,6 +62,26 @@ def _vendor_cloud(name: str) -> Device:
         f"expects {params.topic} in frame {params.frame_id} from the LiDAR's own ROS driver, which is not started here"
     )
     return Device(name, True, what)
+
+
+def _vendor_cameras(name: str) -> Device:
+    params = load(CameraAdapterParams, name)
+    given = [camera for camera in (params.front, params.rear) if camera is not None]
+    what = " and ".join(f"{camera.topic} in frame {camera.frame_id}" for camera in given)
+    return Device(name, True, f"expects {what} from the cameras' own ROS drivers, which are not started here")
+
+
+def _vendor_imu(name: str) -> Device:
+    params = load(ImuAdapterParams, name)
+    what = (
+        f"expects {params.topic} in frame {params.frame_id} from the unit's own ROS driver, which is not started here"
+    )
+    return Device(name, True, what)
+
+
+def _vendor_battery(name: str) -> Device:
+    topic = load(BatteryAdapterParams, name).topic
+    return Device(name, True, f"expects {topic} from the battery's own ROS driver, which is not started here")
 
 
 def _xsens(name: str) -> Device:
@@ -186,6 +209,9 @@ def _description(path: Path) -> str:
 _LOOKS: dict[str, Callable[[str], Device]] = {
     "point_cloud_adapter": _vendor_cloud,
     "overhead_lidar_adapter": _vendor_cloud,
+    "camera_adapter": _vendor_cameras,
+    "imu_adapter": _vendor_imu,
+    "battery_adapter": _vendor_battery,
     "velodyne_driver": _velodyne,
     "ouster_driver": _ouster,
     "v4l2_camera_driver": _cameras,

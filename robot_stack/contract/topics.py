@@ -16,9 +16,9 @@ OUTSIDE = (OPERATOR_TOOL, TEST_TOOL, EXTERNAL, "rviz")
 _DEPARTING = ("mission_manager", "navigation_controller", "docking_controller")
 
 # Drivers of real devices (robot_stack.drivers): a profile runs one for each sensor instead of the simulated one.
-_CAMERA_PORTS = ("v4l2_camera_driver",)
-_BATTERY_PORTS = ("pylontech_driver", "modbus_battery_driver")
-_IMU_PORTS = ("xsens_driver",)
+_CAMERA_PORTS = ("v4l2_camera_driver", "camera_adapter")
+_BATTERY_PORTS = ("pylontech_driver", "modbus_battery_driver", "battery_adapter")
+_IMU_PORTS = ("xsens_driver", "imu_adapter")
 _LIDAR_PORTS = ("point_cloud_adapter", "velodyne_driver", "ouster_driver")
 _OVERHEAD_LIDAR_PORTS = ("overhead_lidar_adapter",)
 
@@ -432,6 +432,56 @@ OVERHEAD_VENDOR_POINTS = Topic(
     bulk=True,
     wakes=("overhead_lidar_adapter",),
     sometimes=("overhead_lidar_adapter",),  # under the name that its parameters give
+)
+VENDOR_FRONT_IMAGE = Topic(
+    "/camera/front/vendor_image",
+    "sensor_msgs/msg/Image",
+    qos.SENSOR,
+    (EXTERNAL,),
+    ("camera_adapter",),
+    "the front camera's image by its vendor's own ROS driver; name and reliability are parameters",
+    rate_hz=10.0,
+    stale_s=0.5,
+    bulk=True,
+    wakes=("camera_adapter",),
+    sometimes=("camera_adapter",),  # under the name that its parameters give
+)
+VENDOR_REAR_IMAGE = Topic(
+    "/camera/rear/vendor_image",
+    "sensor_msgs/msg/Image",
+    qos.SENSOR,
+    (EXTERNAL,),
+    ("camera_adapter",),
+    "likewise the rear camera's",
+    rate_hz=10.0,
+    stale_s=0.5,
+    bulk=True,
+    wakes=("camera_adapter",),
+    sometimes=("camera_adapter",),  # under the name that its parameters give
+)
+VENDOR_IMU = Topic(
+    "/imu/vendor_data",
+    "sensor_msgs/msg/Imu",
+    qos.SENSOR,
+    (EXTERNAL,),
+    ("imu_adapter",),
+    "likewise the inertial unit's data, in its own axes",
+    rate_hz=100.0,
+    stale_s=0.1,
+    wakes=("imu_adapter",),
+    sometimes=("imu_adapter",),  # under the name that its parameters give
+)
+VENDOR_BATTERY_STATE = Topic(
+    "/battery/vendor_state",
+    "sensor_msgs/msg/BatteryState",
+    qos.SENSOR,
+    (EXTERNAL,),
+    ("battery_adapter",),
+    "likewise the battery's state",
+    rate_hz=1.0,
+    stale_s=5.0,
+    wakes=("battery_adapter",),
+    sometimes=("battery_adapter",),  # under the name that its parameters give
 )
 FRONT_IMAGE = Topic(
     "/sensors/camera/front/image_raw",

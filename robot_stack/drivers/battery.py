@@ -45,11 +45,8 @@ class Reading:
     health: Health
 
 
-class PackParams(Config):
-    """Data of the battery and plausible ranges of its measurements. idle_current_a: smaller currents count as idle.
-
-    stale_s: age after which data is dropped.
-    """
+class PackLimits(Config):
+    """Data of the battery and plausible ranges of its measurements. idle_current_a: smaller currents count as idle."""
 
     capacity_ah: Annotated[float, Field(gt=0.0, le=2000.0)]
     voltage_min_v: Annotated[float, Field(gt=0.0, le=100.0)]
@@ -58,16 +55,21 @@ class PackParams(Config):
     temperature_min_c: Annotated[float, Field(ge=-60.0, le=0.0)]
     temperature_max_c: Annotated[float, Field(ge=30.0, le=150.0)]
     idle_current_a: Annotated[float, Field(ge=0.0, le=10.0)]
-    stale_s: Annotated[float, Field(ge=1.0, le=4.0)]
 
     @model_validator(mode="after")
-    def _makes_sense(self) -> PackParams:
+    def _makes_sense(self) -> PackLimits:
         if self.voltage_max_v <= self.voltage_min_v:
             raise ValueError("voltage_max_v must be above voltage_min_v")
         return self
 
 
-def implausible(voltage_v: float, current_a: float, temperature_c: float | None, limits: PackParams) -> str:
+class PackParams(PackLimits):
+    """stale_s: age after which data is dropped."""
+
+    stale_s: Annotated[float, Field(ge=1.0, le=4.0)]
+
+
+def implausible(voltage_v: float, current_a: float, temperature_c: float | None, limits: PackLimits) -> str:
     """Why these measurements are implausible; empty if they are plausible. temperature_c: None where there is none."""
     if not limits.voltage_min_v <= voltage_v <= limits.voltage_max_v:
         between = f"{limits.voltage_min_v} to {limits.voltage_max_v} V"

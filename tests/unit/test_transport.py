@@ -45,6 +45,13 @@ def test_who_opens_the_network_or_has_a_profile_of_their_own_keeps_it(bulk: bool
 
 def test_every_sender_of_bulk_is_a_process_of_the_table() -> None:
     senders = {name for row in topics.TOPICS if row.bulk for name in row.publishers} - set(topics.OUTSIDE)
-    real = {"point_cloud_adapter", "overhead_lidar_adapter", "velodyne_driver", "ouster_driver", "v4l2_camera_driver"}
+    real = {
+        "point_cloud_adapter",
+        "overhead_lidar_adapter",
+        "velodyne_driver",
+        "ouster_driver",
+        "v4l2_camera_driver",
+        "camera_adapter",
+    }
     simulated = {"lidar_driver", "overhead_lidar_driver", "camera_driver"}
     assert senders == {*simulated, *real} <= processes.BY_NAME.keys()

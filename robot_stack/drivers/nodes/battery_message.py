@@ -40,3 +40,14 @@ def battery_state(reading: Reading, design_capacity_ah: float, stamp: Time) -> B
     )
     message.header.stamp = stamp
     return message
+
+
+def reported_flow(message: BatteryState) -> Flow | None:
+    """The status of another driver's message; None if it is unknown."""
+    return next((flow for flow, status in _FLOW.items() if status == message.power_supply_status), None)
+
+
+def reported_health(message: BatteryState) -> Health:
+    """The health of another driver's message. Codes without a counterpart here are failures."""
+    health = message.power_supply_health
+    return next((mine for mine, code in _HEALTH.items() if code == health), Health.FAILURE)
