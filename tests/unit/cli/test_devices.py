@@ -37,6 +37,22 @@ def test_every_driver_of_the_robots_profile_is_named(config: Path) -> None:
     assert "xsens_driver" in drivers
 
 
+def test_adapters_name_the_topics_that_they_expect(config: Path) -> None:
+    profile = config / "profiles" / "robot.yaml"
+    text = profile.read_text()
+    replaced = {
+        "v4l2_camera_driver": ("camera_adapter", "/rear_camera/image_raw in frame rear_camera_optical"),
+        "xsens_driver": ("imu_adapter", "/imu/data in frame imu_link"),
+        "pylontech_driver": ("battery_adapter", "/battery/state"),
+    }
+    for driver, (adapter, _) in replaced.items():
+        text = text.replace(f"  - {driver}\n", f"  - {adapter}\n")
+    profile.write_text(text)
+    for adapter, what in replaced.values():
+        assert found()[adapter].there
+        assert what in found()[adapter].what
+
+
 def test_serial_port_presence_is_reported_with_advice(config: Path) -> None:
     port = config.parent / "imu"
     missing = found()["xsens_driver"]
