@@ -175,6 +175,12 @@ PROCESSES: tuple[Process, ...] = (
         "simulated external display on a pseudo terminal; on a robot the firmware of the real one",
         system=System.SIMULATION,
     ),
+    _process(
+        "remote_view",
+        "robot_stack.view.nodes.remote_view",
+        _OPTIONAL,
+        "thinned clouds and compressed images for viewers behind a slow link",
+    ),
     _process("touch_ui", "robot_stack.ui.nodes.touch_ui", _OPTIONAL, "touch screen"),
     _process(
         "system_monitor",

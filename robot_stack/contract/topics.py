@@ -375,13 +375,13 @@ LIDAR_POINTS = Topic(
     "sensor_msgs/msg/PointCloud2",
     qos.SENSOR,
     ("lidar_driver", *_LIDAR_PORTS),
-    ("perception_pipeline", "ndt_localization", "safety_monitor"),
+    ("perception_pipeline", "ndt_localization", "safety_monitor", "remote_view"),
     "full sweep, about 150k points: x y z intensity ring time",
     rate_hz=10.0,
     stale_s=0.5,
     bulk=True,
-    # The perception pipeline while there are no half sweeps, localization with a map.
-    sometimes=("perception_pipeline", "ndt_localization"),
+    # The perception pipeline while there are no half sweeps, localization with a map, the remote view for a viewer.
+    sometimes=("perception_pipeline", "ndt_localization", "remote_view"),
     wakes=("ndt_localization",),
 )
 LIDAR_HALF_SWEEP = Topic(
@@ -488,26 +488,26 @@ FRONT_IMAGE = Topic(
     "sensor_msgs/msg/Image",
     qos.SENSOR,
     ("camera_driver", *_CAMERA_PORTS),
-    ("aruco_detector", "touch_ui"),
+    ("aruco_detector", "touch_ui", "remote_view"),
     "1280x720 mono8; stamp: middle of the exposure of the middle row",
     rate_hz=10.0,
     stale_s=0.5,
     bulk=True,
     wakes=("aruco_detector",),
-    sometimes=("touch_ui",),  # while a page shows it
+    sometimes=("touch_ui", "remote_view"),  # while a page or a viewer shows it
 )
 REAR_IMAGE = Topic(
     "/sensors/camera/rear/image_raw",
     "sensor_msgs/msg/Image",
     qos.SENSOR,
     ("camera_driver", *_CAMERA_PORTS),
-    ("aruco_detector", "touch_ui"),
+    ("aruco_detector", "touch_ui", "remote_view"),
     "1280x720 mono8; stamp: middle of the exposure of the middle row",
     rate_hz=10.0,
     stale_s=0.5,
     bulk=True,
     wakes=("aruco_detector",),
-    sometimes=("touch_ui",),  # while a page shows it
+    sometimes=("touch_ui", "remote_view"),  # while a page or a viewer shows it
 )
 FRONT_CAMERA_INFO = Topic(
     "/sensors/camera/front/camera_info",
@@ -745,6 +745,44 @@ EHMI_STATUS = Topic(
     stale_s=5.0,
     sometimes=("touch_ui",),  # while a page shows it
 )
+
+# --- remote viewers: copies behind a slow link, published only with a subscriber ------------------------------------
+_REMOTE_HZ = 6.0  # 5 Hz at the viewer with one message of six lost
+
+REMOTE_POINTS = Topic(
+    "/remote/points",
+    "sensor_msgs/msg/PointCloud2",
+    qos.SENSOR,
+    ("remote_view",),
+    ("rviz", EXTERNAL),
+    "/sensors/lidar/points thinned to 60 kB at most: x y z in its frame, at its stamp, not de-skewed",
+    rate_hz=_REMOTE_HZ,
+    stale_s=1.0,
+    on_demand=True,
+)
+REMOTE_FRONT_IMAGE = Topic(
+    "/remote/front_camera/compressed",
+    "sensor_msgs/msg/CompressedImage",
+    qos.SENSOR,
+    ("remote_view",),
+    ("rviz", EXTERNAL),
+    "/sensors/camera/front/image_raw as JPEG, smaller; named as image_transport's compressed transport",
+    rate_hz=_REMOTE_HZ,
+    stale_s=1.0,
+    on_demand=True,
+)
+REMOTE_REAR_IMAGE = Topic(
+    "/remote/rear_camera/compressed",
+    "sensor_msgs/msg/CompressedImage",
+    qos.SENSOR,
+    ("remote_view",),
+    ("rviz", EXTERNAL),
+    "likewise the rear camera's",
+    rate_hz=_REMOTE_HZ,
+    stale_s=1.0,
+    on_demand=True,
+)
+REMOTE_COPIES = (REMOTE_POINTS, REMOTE_FRONT_IMAGE, REMOTE_REAR_IMAGE)
 
 # --- WMX layer (vendor default QoS: KeepLast(1), reliable, volatile) ----------------------------------------------
 WMX_JOINT_STATES = Topic(

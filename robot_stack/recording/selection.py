@@ -11,7 +11,9 @@ from robot_stack.recording.params import SelectionParams
 
 
 def selected(params: SelectionParams, node: str = "recorder") -> list[Topic]:
-    """The rows to record, by the parameters of ``node``.
+    """The rows to record, by the parameters of ``node``; never the copies for remote viewers.
+
+    A recorder would be their permanent subscriber, and their images are neither selected nor blurred.
 
     Raises ConfigError for a pattern that fits no topic, and if none is left.
     """
@@ -21,7 +23,8 @@ def selected(params: SelectionParams, node: str = "recorder") -> list[Topic]:
         for pattern in getattr(params, field):
             if not any(fnmatchcase(row.name, pattern) for row in known):
                 raise ConfigError(f"{node}: {field}: {pattern!r} fits no topic of the contract")
-    chosen = [row for row in rows if _fits(row, params.include) and not _fits(row, params.exclude)]
+    originals = [row for row in rows if row not in topics.REMOTE_COPIES]
+    chosen = [row for row in originals if _fits(row, params.include) and not _fits(row, params.exclude)]
     if not chosen:
         raise ConfigError(f"{node}: include and exclude leave no topic to record")
     return chosen

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from robot_stack.contract import topics
 from robot_stack.contract.graph import Endpoints, lacking, strangers
 from robot_stack.system_monitor.topic_check import rows_of
 from sim.stack.stack import SimulatedStack
@@ -10,6 +11,7 @@ from tests.simulated.stage import staged
 _MEASURED_S = 4.0
 # Published only during an activity, or by a page.
 ON_DEMAND = {"/docking/cmd_vel", "/teleop/cmd_vel", "/docking/target", "/ui/heartbeat", "/departure_warning"}
+ON_DEMAND |= {row.name for row in topics.REMOTE_COPIES}  # by a process that is in no profile
 
 
 def _endpoints(stack: SimulatedStack, name: str) -> Endpoints:

@@ -12,13 +12,14 @@ from robot_stack.contract import frames, topics
 from robot_stack.core.camera import Intrinsics
 from robot_stack.core.config import ConfigError
 from robot_stack.core.docks import load_docks
-from robot_stack.docking.nodes.aruco_messages import Seen, detection_array, detections, grey_image, intrinsics_of
+from robot_stack.docking.nodes.aruco_messages import Seen, detection_array, detections, intrinsics_of
 from robot_stack.docking.vision.detection_gate import DetectionGate
 from robot_stack.docking.vision.detector import MarkerDetector
 from robot_stack.docking.vision.pairing import Attention, Exposure, ExposureSets
 from robot_stack.docking.vision.params import ArucoDetectorParams
 from robot_stack.docking.warm_up import warm_up
 from robot_stack.middleware.conversions import time_to_s
+from robot_stack.middleware.image import grey_image
 from robot_stack.middleware.inputs import Input
 from robot_stack.middleware.node import StackNode, run
 from robot_stack.middleware.wire import ImageView

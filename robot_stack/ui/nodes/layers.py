@@ -7,11 +7,12 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-import cv2
 import numpy as np
 
 from robot_stack.contract import topics
+from robot_stack.core.jpeg import grey_jpeg
 from robot_stack.middleware.conversions import pose_from_msg
+from robot_stack.middleware.image import grey_image
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.point_cloud import points_of
 from robot_stack.middleware.wire import CloudView, ImageView
@@ -73,11 +74,11 @@ class Layers:
         self._send(Layer.OBSTACLES, frames.obstacles(xy, base, self._params.cloud_points_max))
 
     def _on_image(self, layer: Layer, message: ImageView) -> None:
-        if message.encoding != "mono8" or not self._due(layer, self._params.image_hz):
+        if not self._due(layer, self._params.image_hz):
             return
-        grey = np.asarray(message.data).reshape(message.height, message.step)[:, : message.width]
-        width = min(self._params.image_width_px, message.width)
-        small = cv2.resize(grey, (width, round(width * message.height / message.width)), interpolation=cv2.INTER_AREA)
-        done, jpeg = cv2.imencode(".jpg", small, [cv2.IMWRITE_JPEG_QUALITY, self._params.jpeg_quality])
-        if done:
-            self._send(layer, frames.image(layer, jpeg.tobytes()))
+        try:
+            jpeg = grey_jpeg(grey_image(message), self._params.image_width_px, self._params.jpeg_quality)
+        except ValueError as error:
+            self._node.report.values[layer.value] = str(error)
+            return
+        self._send(layer, frames.image(layer, jpeg))

@@ -8,7 +8,8 @@ import pytest
 
 from robot_stack.contract import topics
 from robot_stack.core.config import ConfigError, load
-from robot_stack.recording.params import RecorderParams
+from robot_stack.recording.params import BlackBoxParams, RecorderParams, SelectionParams
+from robot_stack.recording.selection import selected
 from robot_stack.recording.sweeps import SweepChoice
 
 SWEEPS = (topics.LIDAR_POINTS, topics.LIDAR_HALF_SWEEP, topics.OVERHEAD_LIDAR_POINTS)
@@ -35,6 +36,16 @@ def test_the_configured_recorder_does_not_fill_the_disk():
     assert (params.sweeps, params.sweep_rate_hz) == ("thinned", 2.0)
     assert any(fnmatchcase(topics.LIDAR_HALF_SWEEP.name, pattern) for pattern in params.exclude)
     assert not any(fnmatchcase(topics.LIDAR_POINTS.name, pattern) for pattern in params.exclude)
+
+
+@pytest.mark.parametrize(("model", "name"), [(RecorderParams, "recorder"), (BlackBoxParams, "black_box")])
+def test_copies_for_remote_viewers_are_not_recorded(model: type[SelectionParams], name: str) -> None:
+    params = load(model, name)
+    rows = selected(params, name)
+    assert not set(rows) & set(topics.REMOTE_COPIES)
+    assert {topics.LIDAR_POINTS, topics.FRONT_IMAGE, topics.CURRENT_POSE} <= set(rows)
+    with pytest.raises(ConfigError, match="leave no topic"):
+        selected(params.model_copy(update={"include": ("/remote/*",)}), name)
 
 
 @pytest.mark.parametrize("wrong", [{"sweeps": "sometimes"}, {"sweep_rate_hz": 0.0}, {"sweep_rate_hz": float("nan")}])
