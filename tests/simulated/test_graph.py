@@ -11,7 +11,8 @@ from tests.simulated.stage import staged
 _MEASURED_S = 4.0
 # Published only during an activity, or by a page.
 ON_DEMAND = {"/docking/cmd_vel", "/teleop/cmd_vel", "/docking/target", "/ui/heartbeat", "/departure_warning"}
-ON_DEMAND |= {row.name for row in topics.REMOTE_COPIES}  # by a process that is in no profile
+# By processes that are not in the profile.
+ON_DEMAND |= {row.name for row in (*topics.REMOTE_COPIES, topics.VENDOR_IMU, topics.VENDOR_BATTERY_STATE)}
 
 
 def _endpoints(stack: SimulatedStack, name: str) -> Endpoints:
