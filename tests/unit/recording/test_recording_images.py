@@ -72,4 +72,6 @@ def test_the_rows_it_is_about():
     assert {row.name for row in topics.TOPICS if row.type == IMAGE_TYPE} == {
         topics.FRONT_IMAGE.name,
         topics.REAR_IMAGE.name,
+        topics.VENDOR_FRONT_IMAGE.name,
+        topics.VENDOR_REAR_IMAGE.name,
     }

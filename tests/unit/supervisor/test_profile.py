@@ -42,13 +42,13 @@ def test_shipped_profile_is_valid(name: str) -> None:
     assert named <= BY_NAME.keys()
 
 
-def test_the_simulation_runs_every_built_process_of_the_robot_but_the_recorder() -> None:
+def test_the_simulation_runs_every_built_process_of_the_robot_but_those_started_by_hand() -> None:
     plan = load_plan("sim")
     hosted = {node for process in plan.processes for node in process.nodes}
     built = {process.name for process in BY_NAME.values() if process.available and process.system.value != "wmx"}
     of_other_machines = {process.name for name in ("general", "manipulator") for process in load_plan(name).processes}
     drivers = {name for name in built if str(BY_NAME[name].module).startswith("robot_stack.drivers.")}
-    assert built - hosted - of_other_machines - drivers <= {"recorder"}
+    assert built - hosted - of_other_machines - drivers <= {"recorder", "remote_view"}
 
 
 @pytest.mark.parametrize("name", ["robot", "general_real", "manipulator_real", "diff_drive_real"])

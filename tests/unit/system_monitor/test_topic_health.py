@@ -116,7 +116,8 @@ def test_topics_are_filtered_by_running_nodes() -> None:
 def test_every_rated_topic_has_reporting_subscriber() -> None:
     """Otherwise the monitor would have to count it.
 
-    Node records report heartbeats, the tree is the monitor's own, and reports of the pose cover its covariance.
+    Node records report heartbeats, the tree is the monitor's own, and reports of the pose cover its covariance. The
+    copies for remote viewers have subscribers outside of the stack only.
     """
     nodes = {node for process in PROCESSES for node in process.nodes}
     untold = [
@@ -124,4 +125,5 @@ def test_every_rated_topic_has_reporting_subscriber() -> None:
         for row in topics.of_system(System.ROBOT)
         if row.rate_hz is not None and not ({EVERY_NODE, *nodes} & set(row.subscribers))
     ]
-    assert untold == ["/system/heartbeat", "/diagnostics_agg", "/localization/pose"]
+    copies = [row.name for row in topics.REMOTE_COPIES]
+    assert untold == ["/system/heartbeat", "/diagnostics_agg", "/localization/pose", *copies]
