@@ -73,11 +73,7 @@ def export(
     event_id: EventId, target: Annotated[Path, typer.Argument(help="A folder, e.g. of a memory stick.")]
 ) -> None:
     """Copy an event into a folder. Exit code 1 if it is still being recorded."""
-    from robot_stack.core.kept_events import EventState
-
-    event = _find(event_id)
-    if event.state is EventState.OPEN:
-        raise CommandError(f"{event.id} is still being recorded: try again in some seconds")
+    event = _find_ended(event_id)
     copy = target / event.id
     if copy.exists():
         raise CommandError(f"{copy} exists already", WRONG_USE)
@@ -91,11 +87,9 @@ def delete(
     event_id: EventId, yes: Annotated[bool, typer.Option("--yes", help="Do not ask for a confirmation.")] = False
 ) -> None:
     """Delete an event. Exit code 1 if it is still being recorded."""
-    from robot_stack.core.kept_events import EventState, delete_event
+    from robot_stack.core.kept_events import delete_event
 
-    event = _find(event_id)
-    if event.state is EventState.OPEN:
-        raise CommandError(f"{event.id} is still being recorded: try again in some seconds")
+    event = _find_ended(event_id)
     if not yes:
         typer.confirm(f"delete {event.id} ({', '.join(event.reasons)})?", abort=True)
     with writing(_folder() / event.id):
@@ -119,6 +113,15 @@ def _find(event_id: str) -> EventRecord:
     raise CommandError(
         f"there is no event {event_id!r} in {_folder()}; `robot-stack events list` shows them", WRONG_USE
     )
+
+
+def _find_ended(event_id: str) -> EventRecord:
+    from robot_stack.core.kept_events import EventState
+
+    event = _find(event_id)
+    if event.state is EventState.OPEN:
+        raise CommandError(f"{event.id} is still being recorded: try again in some seconds")
+    return event
 
 
 def _summary(event: EventRecord) -> dict[str, Any]:

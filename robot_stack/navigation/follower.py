@@ -207,7 +207,7 @@ class RouteFollower:
     ) -> Twist2 | None:
         """The motion to make room for a person, zero to let them pass; None if not needed or without effect.
 
-        no_way: there is no route, so that whoever stands in it needs more room to come out.
+        no_way: there is no route, so a person who stands in it needs more room to come out.
         """
         p, giving = self._params.give_way, self._giving_s > 0.0
         if not giving and (self._stuck_s < self._params.follow.stuck_s or self._gave_way >= p.tries):

@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import numpy as np
-from geometry_msgs.msg import TransformStamped
 from numpy.typing import NDArray
 from pydantic import Field
 from sensor_msgs.msg import CameraInfo, Image
@@ -18,7 +17,7 @@ from robot_stack.core.camera import camera_file, load_intrinsics
 from robot_stack.core.camera import mounting as camera_mounting
 from robot_stack.core.config import Config
 from robot_stack.core.docks import Docks, load_docks
-from robot_stack.drivers.nodes.mounting import mounting
+from robot_stack.drivers.nodes.camera_output import camera_transform
 from robot_stack.middleware.conversions import camera_info, time_from_s
 from robot_stack.middleware.node import StackNode, run
 from robot_stack.middleware.port import Publisher
@@ -82,7 +81,8 @@ class CameraDriverNode(StackNode):
         size = self._cameras[0].picture.shape
         markers = [marker for dock in self._docks.docks.values() for marker in dock.markers]
         self._faults = CameraFaults(_ROWS, markers, size)
-        self._tf.publish(TFMessage(transforms=[self._mounting(frame) for frame, _, _ in _ROWS.values()]))
+        # Nominal: without the simulated cameras' mounting error.
+        self._tf.publish(TFMessage(transforms=[camera_transform(self, frame) for frame, _, _ in _ROWS.values()]))
         # Called before each image; returns False in runs that do not need images.
         self.wants_pictures: Callable[[], bool] = lambda: True
         self.conditions: Callable[[str, float], Conditions] = self._faults.conditions
@@ -149,12 +149,6 @@ class CameraDriverNode(StackNode):
             publishers = self.advertise(image_row), self.advertise(info_row)
             cameras.append(_Camera(name, renderer, plan, picture, ImageBytes(image), info, *publishers))
         return cameras
-
-    def _mounting(self, frame: str) -> TransformStamped:
-        """The nominal mounting, without the simulated camera's mounting error."""
-        pose = camera_mounting(self.robot, frame)
-        x, y, z = pose[:3, 3].tolist()
-        return mounting(frame, (x, y, z), pose[:3, :3], self.stamp())
 
 
 def _picture(camera: _Camera, time_s: float, motion: Motion | None, conditions: Conditions) -> bytes:

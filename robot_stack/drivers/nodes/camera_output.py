@@ -52,10 +52,11 @@ class CameraOutput:
 
 def publish_mountings(node: StackNode, names: Iterable[str]) -> None:
     tf = node.advertise(topics.TF_STATIC)
-    tf.publish(TFMessage(transforms=[_mounting(node, _ROWS[name][0]) for name in names]))
+    tf.publish(TFMessage(transforms=[camera_transform(node, _ROWS[name][0]) for name in names]))
 
 
-def _mounting(node: StackNode, frame: str) -> TransformStamped:
+def camera_transform(node: StackNode, frame: str) -> TransformStamped:
+    """The nominal mounting."""
     pose = camera_mounting(node.robot, frame)
     x, y, z = (float(value) for value in pose[:3, 3])
     return mounting(frame, (x, y, z), pose[:3, :3], node.stamp())

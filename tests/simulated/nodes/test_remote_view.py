@@ -74,10 +74,10 @@ def test_nothing_is_received_without_a_viewer(scene: Scene) -> None:
 @pytest.mark.parametrize("source", COPIES, ids=lambda row: row.name)
 def test_a_viewer_of_one_topic_causes_one_subscription_that_ends_with_it(scene: Scene, source: Topic) -> None:
     viewer = scene.bench.peer("viewer")
-    heard = viewer.listen(COPIES[source])
+    received = viewer.listen(COPIES[source])
     scene.bench.run(2.0)
     assert scene.received() == {source}
-    assert heard.items
+    assert received.items
     viewer.process.stop()
     scene.bench.run(2.0)
     assert scene.received() == set()
@@ -89,17 +89,17 @@ def test_a_second_viewer_after_the_first_is_served(scene: Scene) -> None:
     scene.bench.run(2.0)
     first.process.stop()
     scene.bench.run(2.0)
-    heard = scene.bench.listen(topics.REMOTE_POINTS)
+    received = scene.bench.listen(topics.REMOTE_POINTS)
     scene.bench.run(2.0)
-    assert len(heard.items) >= 9
+    assert len(received.items) >= 9
 
 
 def test_rates_are_those_of_the_contract_and_messages_are_new(scene: Scene) -> None:
-    heard = {row: scene.bench.listen(row) for row in COPIES.values()}
+    received = {row: scene.bench.listen(row) for row in COPIES.values()}
     scene.bench.run(1.0)
     begun_s = scene.bench.now_s
     scene.bench.run(10.0)
-    for row, item in heard.items():
+    for row, item in received.items():
         messages = item.since(begun_s)
         assert len(messages) == pytest.approx(10.0 * row.nominal_rate_hz, abs=1), row.name
         stamps_s = [time_to_s(message.header.stamp) for message in messages]
@@ -107,13 +107,13 @@ def test_rates_are_those_of_the_contract_and_messages_are_new(scene: Scene) -> N
 
 
 def test_a_sensor_that_falls_silent_is_not_repeated(scene: Scene) -> None:
-    heard = scene.bench.listen(topics.REMOTE_POINTS)
+    received = scene.bench.listen(topics.REMOTE_POINTS)
     scene.bench.run(2.0)
     scene.bench.silence(topics.LIDAR_POINTS)
     scene.bench.run(0.5)
     begun_s = scene.bench.now_s
     assert "waiting for /sensors/lidar/points" in scene.health()
-    assert heard.since(begun_s) == []
+    assert received.since(begun_s) == []
 
 
 def test_the_cloud_is_thinned_in_the_frame_and_at_the_stamp_of_the_sweep(scene: Scene) -> None:
@@ -137,8 +137,8 @@ def test_the_image_is_a_smaller_jpeg_of_its_camera(scene: Scene, source: Topic, 
 
 
 def test_a_sweep_that_cannot_be_read_is_reported_and_the_next_is_published(scene: Scene) -> None:
-    heard = scene.bench.listen(topics.REMOTE_POINTS)
-    heard.wait()
+    received = scene.bench.listen(topics.REMOTE_POINTS)
+    received.wait()
 
     def spoil(message: PointCloud2) -> None:
         message.data = message.data[:-1]
@@ -147,10 +147,10 @@ def test_a_sweep_that_cannot_be_read_is_reported_and_the_next_is_published(scene
     scene.bench.run(0.5)
     begun_s = scene.bench.now_s
     assert "/sensors/lidar/points" in scene.health()
-    assert heard.since(begun_s) == []
+    assert received.since(begun_s) == []
     scene.spoil_cloud = lambda message: None
     scene.bench.run(1.0)
-    assert heard.since(begun_s)
+    assert received.since(begun_s)
     assert "publishing /remote/points" in scene.health()
 
 
