@@ -1,4 +1,4 @@
-"""Pictures of courses of the benchmark ``navigation``."""
+"""Pictures of courses of the benchmarks ``navigation`` and ``crowd``."""
 
 from __future__ import annotations
 
@@ -12,23 +12,34 @@ from matplotlib.figure import Figure
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import load_robot
 from sim.pictures.ride_plots import draw_box
-from tests.benchmarks.support.navigation_course import Box, body, course
+from tests.benchmarks.support.navigation_course import Box, Course, body, course
 from tests.benchmarks.support.navigation_result import CourseResult
 
 _MOST = 6
 
 
 def draw(driven: Sequence[tuple[int, bool, CourseResult]], path: Path) -> None:
-    """Draws the courses with the worst results, ordered by failure, then clearance."""
-    worst = sorted(driven, key=lambda item: (item[2].reached, -item[2].collisions, item[2].clearance_m))[:_MOST]
+    """Draws the courses of seeds with the worst results."""
+    robot = load_robot()
+    draw_courses(
+        [
+            (str(seed), course(seed, robot.footprint_with_chair if chair else robot.footprint), chair, result)
+            for seed, chair, result in driven
+        ],
+        path,
+    )
+
+
+def draw_courses(driven: Sequence[tuple[str, Course, bool, CourseResult]], path: Path) -> None:
+    """Draws the (name, course, with chair, result) that went worst, ordered by failure, then clearance."""
+    worst = sorted(driven, key=lambda item: (item[3].reached, -item[3].collisions, item[3].clearance_m))[:_MOST]
     columns = 2 if len(worst) > 1 else 1
     rows = -(-len(worst) // columns)
     figure = Figure(figsize=(10 * columns, 5.2 * rows), layout="constrained")
     axes = figure.subplots(rows, columns, squeeze=False)
     robot = load_robot()
-    for ax, (seed, chair, result) in zip(axes.flat, worst, strict=False):
+    for ax, (name, made, chair, result) in zip(axes.flat, worst, strict=False):
         footprint = robot.footprint_with_chair if chair else robot.footprint
-        made = course(seed, footprint)
         for boxes, colour in ((made.known, "0.3"), (made.unknown, "tab:orange")):
             for box in boxes:
                 _draw(ax, box, color=colour)
@@ -41,7 +52,7 @@ def draw(driven: Sequence[tuple[int, bool, CourseResult]], path: Path) -> None:
         figure.colorbar(points, ax=ax, label="m/s", shrink=0.7)
         ax.plot(made.goal.x, made.goal.y, "r*")
         end = "reached" if result.reached else result.text
-        ax.set_title(f"{seed}: {end}, {result.time_s:.0f} s, clearance {result.clearance_m:.2f} m", fontsize=9)
+        ax.set_title(f"{name}: {end}, {result.time_s:.0f} s, clearance {result.clearance_m:.2f} m", fontsize=9)
         ax.set_aspect("equal")
         ax.set_xlim(0, 32)
         ax.set_ylim(0, 16)
