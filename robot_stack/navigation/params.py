@@ -171,6 +171,7 @@ class PeopleParams(Config):
     walk_speed_mps: Positive
     walked_m: Positive
     sightings: Annotated[int, Field(ge=2)]
+    group_s: Positive
     walking_gap_m: Positive
     standing_gap_m: Positive
     near_m: Positive

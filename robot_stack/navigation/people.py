@@ -14,6 +14,7 @@ from robot_stack.navigation.params import PeopleParams
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.int64]
 _JOINED = np.ones((3, 3), np.int8)
 
 
@@ -21,7 +22,8 @@ _JOINED = np.ones((3, 3), np.int8)
 class Person:
     """In the costmap's frame. x, y: m at stamp_s. vx, vy: m/s. sightings: costmaps with a detection.
 
-    walks: walking now. walked: has walked, so this is a person and not an object of that size.
+    walks: walking now. walked: has walked, so this is a person and not an object of that size. apart_s: the last
+    stamp at which nothing else touched the person.
     """
 
     stamp_s: float
@@ -34,6 +36,7 @@ class Person:
     first: tuple[float, float] = (0.0, 0.0)
     walks: bool = False
     walked: bool = False
+    apart_s: float = -math.inf
 
     @property
     def velocity(self) -> tuple[float, float]:
@@ -63,52 +66,61 @@ class PeopleTracker:
 
     def update(self, stamp_s: float, lethal: Mask, known: Mask, resolution_m: float, x_m: float, y_m: float) -> Mask:
         """Takes a costmap's lethal cells; known: those of map obstacles. Returns the cells of walking people."""
+        # A person beside a wall is one cluster with it unless the wall's cells are left out.
+        unexplained = lethal & ~known
         # A side seen at a flat angle breaks into pieces: cells nearer than a person's width are one object.
-        joined = ndimage.binary_dilation(lethal, _JOINED, max(1, round(self._params.join_m / 2.0 / resolution_m)))
+        joined = ndimage.binary_dilation(unexplained, _JOINED, max(1, round(self._params.join_m / 2.0 / resolution_m)))
         labels, _ = ndimage.label(joined, structure=_JOINED)
         walking = np.zeros_like(lethal)
-        found: list[tuple[Person, tuple[slice, ...], Mask]] = []
+        found: list[tuple[Person, tuple[Indices, Indices]]] = []
         for index, window in enumerate(ndimage.find_objects(labels), start=1):
-            heap = (labels[window] == index) & lethal[window]
-            seen = self._seen(stamp_s, heap, known[window], window, resolution_m, x_m, y_m)
-            if seen is not None:
-                found.append((seen, window, heap))
+            rows, columns = np.nonzero((labels[window] == index) & unexplained[window])
+            rows, columns = rows + window[0].start, columns + window[1].start
+            x, y = x_m + (columns + 0.5) * resolution_m, y_m + (rows + 0.5) * resolution_m
+            for seen, piece in self._persons(stamp_s, x, y, resolution_m):
+                found.append((seen, (rows[piece], columns[piece])))
         matches = self._matched([seen for seen, *_ in found])
         now: list[Person] = []
-        for i, (seen, window, heap) in enumerate(found):
+        for i, (seen, cells) in enumerate(found):
             person = self._filtered(self.people[matches[i]], seen) if i in matches else seen
             now.append(person)
             if person.walks:
-                walking[window] |= heap
+                walking[cells] = True
         # A briefly occluded track continues.
         left = [person for k, person in enumerate(self.people) if k not in matches.values()]
         now += [person for person in left if stamp_s - person.stamp_s <= self._params.memory_s]
         self.people = tuple(now)
         return walking
 
-    def _seen(
-        self,
-        stamp_s: float,
-        heap: Mask,
-        known: Mask,
-        window: tuple[slice, ...],
-        resolution_m: float,
-        x_m: float,
-        y_m: float,
-    ) -> Person | None:
-        if not heap.any():
-            return None
-        height, width = (int(np.ptp(axis)) + 1 for axis in np.nonzero(heap))
-        size_m = resolution_m * max(height, width)
-        cells = int(np.count_nonzero(heap))
+    def _persons(self, stamp_s: float, x: Array, y: Array, resolution_m: float) -> list[tuple[Person, Mask]]:
+        """Returns (person, its cells) in a cluster of cells at (n,) x, y.
+
+        A cluster of a person's size is one. In a larger one, a group or somebody beside an object, those who were
+        followed into it are found again.
+        """
         p = self._params
-        if not (p.min_size_m <= size_m <= p.max_size_m) or np.count_nonzero(heap & known) > 0.5 * cells:
-            return None
-        rows, columns = np.nonzero(heap)
-        x = x_m + (window[1].start + float(columns.mean()) + 0.5) * resolution_m
-        y = y_m + (window[0].start + float(rows.mean()) + 0.5) * resolution_m
-        radius_m = max(p.min_radius_m, 0.5 * resolution_m * math.hypot(height, width) * 0.8)
-        return Person(stamp_s, x, y, radius_m=min(radius_m, p.max_radius_m), first=(x, y))
+        size_m = _size_m(x, y, resolution_m)
+        if size_m <= p.max_size_m:
+            whole = np.ones(len(x), np.bool_)
+            return [(self._seen(stamp_s, stamp_s, x, y, resolution_m), whole)] if size_m >= p.min_size_m else []
+        inside = [one for one in self.people if one.walked and stamp_s - one.apart_s <= p.group_s]
+        if not inside:
+            return []
+        at = np.array([one.at(stamp_s) for one in inside])
+        away_m = np.hypot(x[:, None] - at[:, 0], y[:, None] - at[:, 1])
+        nearest, near = away_m.argmin(axis=1), away_m.min(axis=1) <= p.max_radius_m
+        pieces = [(one, (nearest == k) & near) for k, one in enumerate(inside)]
+        return [
+            (self._seen(stamp_s, one.apart_s, x[piece], y[piece], resolution_m), piece)
+            for one, piece in pieces
+            if piece.any() and _size_m(x[piece], y[piece], resolution_m) >= p.min_size_m
+        ]
+
+    def _seen(self, stamp_s: float, apart_s: float, x: Array, y: Array, resolution_m: float) -> Person:
+        p, at = self._params, (float(x.mean()), float(y.mean()))
+        diagonal_m = math.hypot(float(np.ptp(x)) + resolution_m, float(np.ptp(y)) + resolution_m)
+        radius_m = min(max(p.min_radius_m, 0.4 * diagonal_m), p.max_radius_m)
+        return Person(stamp_s, *at, radius_m=radius_m, first=at, apart_s=apart_s)
 
     def _matched(self, found: list[Person]) -> dict[int, int]:
         """Person index by index of ``found``: nearest pairs first, each used once."""
@@ -145,3 +157,8 @@ class PeopleTracker:
         first = before.first if walks or not before.walks else (x, y)
         walked = walks or before.walked
         return replace(seen, x=x, y=y, vx=vx, vy=vy, sightings=sightings, first=first, walks=walks, walked=walked)
+
+
+def _size_m(x: Array, y: Array, resolution_m: float) -> float:
+    """Metres of the longer side of cells at (n,) x, y."""
+    return float(max(np.ptp(x), np.ptp(y))) + resolution_m
