@@ -33,14 +33,22 @@ _MIDDLE_M, _CORRIDOR_M, _FROM_M, _TO_M = 8.0, 3.0, 5.0, 27.0
 _COMING, _CROSSING = 8, 30
 _NICHE_M = (2.5, 1.5)  # along, into the wall
 _SPEEDS_MPS = (0.6, 1.4)
+# A person whose way is blocked for some time walks sideways, away from the robot; every fourth waits instead.
+_PATIENCE_S, _SIDEWAYS_MPS, _AT_WALL_M = 1.5, 0.4, 0.35
+_WAITING = 4
 _OUTSIDE = (-50.0, -50.0)
 
 
 @dataclass
 class Passer(Walker):
-    """Enters at ``a`` after ``pause_s``, once the robot is 3 m away from there, walks to ``b`` and leaves."""
+    """Enters at ``a`` after ``pause_s``, once the robot is 3 m away from there, walks to ``b`` and leaves.
 
+    steps_aside: behaviour if the robot blocks the way.
+    """
+
+    steps_aside: bool = True
     inside: bool = False
+    stands_s: float = 0.0
 
     def __post_init__(self) -> None:
         self.x, self.y = _OUTSIDE
@@ -52,9 +60,19 @@ class Passer(Walker):
             if self.inside:
                 self.x, self.y = self.a
         elif self.towards_b:
+            before = self.x, self.y
             super().step(dt_s, robot, footprint, random)
+            self.stands_s = self.stands_s + dt_s if (self.x, self.y) == before else 0.0
+            if self.steps_aside and self.stands_s > _PATIENCE_S:
+                self._step_aside(dt_s, robot)
         else:
             self.x, self.y = _OUTSIDE
+
+    def _step_aside(self, dt_s: float, robot: Pose2) -> None:
+        room_m = 0.5 * _CORRIDOR_M - _AT_WALL_M
+        y = self.y + math.copysign(_SIDEWAYS_MPS * dt_s, self.y - robot.y)
+        self.y = min(max(y, _MIDDLE_M - room_m), _MIDDLE_M + room_m)
+        self.b = (self.b[0], self.y)
 
 
 def corridor(seed: int, *, niches: bool, people: bool = True) -> Course:
@@ -79,7 +97,8 @@ def corridor(seed: int, *, niches: bool, people: bool = True) -> Course:
         if k % 2:
             ends[1] = ends[0]
         speed, enters = float(random.uniform(*_SPEEDS_MPS)), float(random.uniform(0.0, 30.0))
-        made.walkers.append(Passer((_TO_M + 0.3, ends[0]), (_FROM_M - 0.8, ends[1]), speed, pause_s=enters))
+        a, b = (_TO_M + 0.3, float(ends[0])), (_FROM_M - 0.8, float(ends[1]))
+        made.walkers.append(Passer(a, b, speed, pause_s=enters, steps_aside=k % _WAITING > 0))
     return made
 
 
@@ -161,7 +180,7 @@ def run(runs: int = 50, first: int = 12001, pictures: str = "results") -> Result
     conditions: dict[str, object] = {
         "runs": f"seeds {first} to {first + runs - 1} in each place, even seeds with wheelchair and passenger",
         "corridor": f"{_CORRIDOR_M} m wide, {_TO_M - _FROM_M} m long, {_COMING} people come at {_SPEEDS_MPS} m/s "
-        "within 30 s; a person stops 0.6 m before the robot and does not step aside",
+        f"within 30 s; a person stops 0.6 m before the robot and steps aside after {_PATIENCE_S} s; every fourth waits",
         "niches": f"the same with room of {_NICHE_M[0]} x {_NICHE_M[1]} m on both sides at two places",
         "hall": f"{LENGTH_M:.0f} x {WIDTH_M:.0f} m, {_CROSSING} people cross it to and fro",
         "touched": "contacts while the robot moves; person_m_min: least distance to a person, driving",

@@ -53,6 +53,7 @@ def test_group_that_stops_side_by_side_remains_people() -> None:
 def test_group_that_walks_on_is_not_an_obstacle() -> None:
     watch = Watch()
     ends = row_that_stops(watch)
+    walking = NOTHING
     for step in range(1, 10):
         walking = watch.see(people(*((x - 0.2 * step, y) for x, y in ends)))
     assert np.count_nonzero(walking) > 0.9 * np.count_nonzero(people(*ends))
@@ -68,7 +69,7 @@ def test_group_is_followed_for_its_time() -> None:
 
 def test_person_who_walks_close_to_a_wall_of_the_map_is_seen() -> None:
     watch, wall = Watch(), Y < 2.0
-    near = wall | (Y < 2.3)  # cells within 0.3 m of the map's obstacle belong to it
+    near, walking = wall | (Y < 2.3), NOTHING  # cells within 0.3 m of the map's obstacle belong to it
     for step in range(15):
         lethal = wall | people((3.0 + 0.2 * step, 2.4))
         walking = watch.see(lethal, lethal & near)
