@@ -30,6 +30,7 @@ from robot_stack.middleware.conversions import NANOSECONDS, time_from_s
 from robot_stack.middleware.port import ActionClient, ActionGoal, ServiceClient
 from robot_stack.middleware.timers import NodeTimer, Schedule
 from robot_stack.middleware.wire import READERS, UnknownEncoding
+from robot_stack.middleware.world_times import WorldTimes
 from robot_stack.ros import transport
 from robot_stack.ros.actions import RosActionClient, RosActionServer
 from robot_stack.ros.bulk import BulkInputs, owner_of
@@ -61,6 +62,7 @@ class RosPort(Node):
         self._world_clock = WorldClock.find()
         super().__init__(name)
         self._time: NodeClock = self._choose_clock()
+        self._world_times = WorldTimes(time.time_ns, self.now_ns)
         self._bulk: BulkInputs | None = None
         self._deliveries = NodeDeliveries(name, isinstance(self._time, SharedWorldClock), self._bulk_idle)
         self._schedule = Schedule(self._time, self._deliveries.owed if self._deliveries.counting else None)
@@ -229,9 +231,9 @@ class RosPort(Node):
 
     def listen(self, row: Topic, callback: Callable[[Any, int, int], None], *, raw: bool, wakes: bool) -> _Subscription:
         def on_message(message: Any, info: Mapping[str, int]) -> None:
-            # The middleware's times are system times; on a simulated clock they have no meaning.
-            received_ns = self.now_ns() if self._time.simulated else info["received_timestamp"]
-            sent_ns = 0 if self._time.simulated else info["source_timestamp"]
+            received_ns, sent_ns = info["received_timestamp"], info["source_timestamp"]
+            if self._time.simulated:  # the middleware's times are system times
+                received_ns, sent_ns = self._world_times.at(received_ns), sent_ns and self._world_times.at(sent_ns)
             callback(message, received_ns, sent_ns or received_ns)
 
         return self._subscribe(
