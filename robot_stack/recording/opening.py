@@ -7,9 +7,11 @@ from pathlib import Path
 
 from robot_stack.contract.model import Topic
 from robot_stack.core.config import ConfigError
+from robot_stack.core.kept_events import CONFIG_FILE
 from robot_stack.recording.background import BackgroundWriter, disk_use
 from robot_stack.recording.black_box_files import BlackBox, Clocks, Provenance
 from robot_stack.recording.params import BlackBoxParams, RecorderParams
+from robot_stack.recording.provenance import configuration
 from robot_stack.recording.recovery import recover_all
 from robot_stack.recording.writer import BagWriter, Format, topic_info
 
@@ -47,7 +49,7 @@ def open_recording(folder: Path, rows: list[Topic], params: RecorderParams) -> B
         compress=params.compression == "zstd",
     )
     try:
-        bag = BagWriter(folder, [topic_info(row) for row in rows], form)
+        bag = BagWriter(folder, [topic_info(row) for row in rows], form, {CONFIG_FILE: configuration()})
     except OSError as error:
         raise ConfigError(f"recorder: {folder} cannot be made: {error.strerror or error}") from error
     return BackgroundWriter(

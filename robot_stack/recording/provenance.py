@@ -23,7 +23,7 @@ def provenance(map_name: str, monotonic_s: Callable[[], float]) -> Provenance:
     Raises ConfigError for an unknown map, OSError.
     """
     used = MapUsed(name=map_name, sha256=map_checksum(map_name)) if map_name else None
-    return Provenance(_software(), used, _configuration(config_dir()), partial(_nodes, NodeRecords(), monotonic_s))
+    return Provenance(_software(), used, configuration(), partial(_nodes, NodeRecords(), monotonic_s))
 
 
 def _software() -> Software:
@@ -33,9 +33,12 @@ def _software() -> Software:
     return Software(version=robot_stack.__version__, sha256=total.hexdigest())
 
 
-def _configuration(folder: Path) -> bytes:
-    """The YAML files as a tar archive; maps are identified by their checksums, which are among them."""
-    packed = io.BytesIO()
+def configuration() -> bytes:
+    """The YAML files in force as a tar archive; maps are identified by their checksums, which are among them.
+
+    Raises ConfigError, OSError.
+    """
+    folder, packed = config_dir(), io.BytesIO()
     with tarfile.open(fileobj=packed, mode="w:gz") as archive:
         for path in sorted(folder.rglob("*.yaml")):
             archive.add(path, f"config/{path.relative_to(folder)}", recursive=False)

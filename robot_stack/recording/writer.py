@@ -10,7 +10,7 @@ from __future__ import annotations
 import fcntl
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,9 +50,15 @@ def definitions(topics: Sequence[TopicInfo]) -> dict[str, bytes]:
 class BagWriter:
     """One recording. Not thread-safe. Raises OSError if the disk is full; flushed data stays readable."""
 
-    def __init__(self, folder: Path, topics: Sequence[TopicInfo], form: Format) -> None:
-        """Makes ``folder``, which must not exist, and the first file in it. Raises OSError, DefinitionMissing."""
+    def __init__(
+        self, folder: Path, topics: Sequence[TopicInfo], form: Format, attachments: Mapping[str, bytes] | None = None
+    ) -> None:
+        """Makes ``folder``, which must not exist, and the first file in it. attachments: see ``BagFile.finish``.
+
+        Raises OSError, DefinitionMissing.
+        """
         self._folder = folder
+        self._attachments = attachments or {}
         self._topics = tuple(topics)
         self._format = form
         self._finished: list[FileInfo] = []
@@ -93,7 +99,7 @@ class BagWriter:
         return file
 
     def _finish_file(self) -> None:
-        self._file.finish(metadata.metadata_text([self._file.info()], self._topics))
+        self._file.finish(metadata.metadata_text([self._file.info()], self._topics), self._attachments)
         self._finished.append(self._file.info())
         metadata.write_metadata(self._folder, self._finished, self._topics)
 
@@ -139,9 +145,12 @@ class BagFile:
         self._writer.flush()  # type: ignore[no-untyped-call]
         os.fdatasync(self._stream.fileno())
 
-    def finish(self, serialized_metadata: str) -> None:
-        # rosbag2 reads this from a file without its metadata.yaml. Metadata records are between chunks.
+    def finish(self, serialized_metadata: str, attachments: Mapping[str, bytes] | None = None) -> None:
+        """Completes the file. attachments: contents by name, of which an interrupted file has none."""
         self._writer.flush()  # type: ignore[no-untyped-call]
+        for name, content in (attachments or {}).items():
+            self._writer.add_attachment(self._start_ns, self._start_ns, name, "application/octet-stream", content)
+        # rosbag2 reads this from a file without its metadata.yaml. Metadata records are between chunks.
         self._writer.add_metadata("rosbag2", {"serialized_metadata": serialized_metadata})
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._stream.flush()

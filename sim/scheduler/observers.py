@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from pathlib import Path
 
@@ -77,7 +77,8 @@ class Recording(Observer):
     """Writes the messages of some rows in the recorder's format.
 
     clock_start_ns: the ROS clock at virtual time 0. keeps: takes topic and ROS time in s; False leaves a message out,
-    e.g. ``robot_stack.recording.sweeps.SweepChoice.keeps``. Raises OSError, DefinitionMissing.
+    e.g. ``robot_stack.recording.sweeps.SweepChoice.keeps``. attachments: contents by name. Raises OSError,
+    DefinitionMissing.
     """
 
     FORMAT = Format(split_bytes=2_000_000_000, chunk_bytes=1_000_000, compress=True)
@@ -89,8 +90,9 @@ class Recording(Observer):
         clock_start_ns: int,
         keeps: Callable[[str, float], bool] | None = None,
         form: Format = FORMAT,
+        attachments: Mapping[str, bytes] | None = None,
     ) -> None:
-        self._bag = BagWriter(folder, [topic_info(row) for row in rows], form)
+        self._bag = BagWriter(folder, [topic_info(row) for row in rows], form, attachments)
         self._topics = {row.name for row in rows}
         self._clock_start_ns = clock_start_ns
         self._keeps = keeps

@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 from robot_stack.core.config import load
+from robot_stack.core.kept_events import CONFIG_FILE
 from robot_stack.recording.images import IMAGE_TYPE, DockingWatch, Thinning
 from robot_stack.recording.params import RecorderParams
+from robot_stack.recording.provenance import configuration
 from robot_stack.recording.selection import selected
 from robot_stack.recording.sweeps import SweepChoice
 from sim.scheduler.observers import Recording
+
+RUN_FILE = "run.json"
+"""Name of the attachment with the seed, and the parameters that override the configuration by node and name."""
 
 
 class MessageChoice:
@@ -39,12 +46,27 @@ class MessageChoice:
         return type_name == IMAGE_TYPE and self._mode == "never"
 
 
-def record_run(folder: Path, clock_start_ns: int, docking_state: Callable[[], str]) -> Recording:
-    """An observer for the scheduler. docking_state: of /docking/status. Raises ConfigError, OSError."""
+def record_run(
+    folder: Path,
+    clock_start_ns: int,
+    docking_state: Callable[[], str],
+    seed: int,
+    parameters: Mapping[str, Mapping[str, Any]],
+) -> Recording:
+    """An observer for the scheduler. docking_state: of /docking/status. parameters: overrides by node and name.
+
+    Raises ConfigError, OSError.
+    """
     choice = MessageChoice(load(RecorderParams, "recorder"))
 
     def keeps(topic: str, ros_s: float) -> bool:
         choice.on_docking(docking_state(), ros_s)
         return choice.keeps(topic, ros_s)
 
-    return Recording(folder, choice.rows, clock_start_ns, keeps)
+    attachments = {CONFIG_FILE: configuration(), RUN_FILE: run_file(seed, parameters)}
+    return Recording(folder, choice.rows, clock_start_ns, keeps, attachments=attachments)
+
+
+def run_file(seed: int | None, parameters: Mapping[str, Mapping[str, Any]]) -> bytes:
+    """The content of ``RUN_FILE``. seed: None if none is known."""
+    return json.dumps({"seed": seed, "parameters": parameters}).encode()

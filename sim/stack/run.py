@@ -402,7 +402,11 @@ class ScheduledRun:
             return None
         clock_start_ns = self.stack.scheduler.clock_start_ns
         recording = record_run(
-            folder, clock_start_ns, lambda: self.notes.docking.state if self.notes.docking else DockingState.IDLE
+            folder,
+            clock_start_ns,
+            lambda: self.notes.docking.state if self.notes.docking else DockingState.IDLE,
+            self.stack.setup.seed,
+            self.stack.plan.parameters,
         )
         self.stack.scheduler.add_observer(recording)
         return recording
