@@ -226,7 +226,7 @@ def _parameters(
         for node in set(topics.CLOCK.publishers) & nodes:
             merged.setdefault(node, {})["speed"] = file.speed
     for setting in settings:
-        node, name, value = _setting(setting, nodes)
+        node, name, value = parse_setting(setting, nodes)
         merged.setdefault(node, {})[name] = value
     for process in processes:
         if file.use_sim_time:
@@ -235,7 +235,8 @@ def _parameters(
     return merged
 
 
-def _setting(text: str, nodes: set[str]) -> tuple[str, str, Any]:
+def parse_setting(text: str, nodes: set[str]) -> tuple[str, str, Any]:
+    """(node, parameter, value) of ``node.parameter=value``, the value in YAML. Raises ConfigError."""
     target, equals, value = text.partition("=")
     node, dot, name = target.partition(".")
     if not (equals and dot and node and name):
