@@ -22,6 +22,7 @@ from std_msgs.msg import Bool
 from robot_stack.contract import topics
 from robot_stack.contract.processes import PROCESSES
 from robot_stack.core.config import config_dir
+from robot_stack.recording.provenance import configuration
 from robot_stack.recording.writer import BagWriter, topic_info
 from robot_stack.ros.serialization import serialize_message
 from sim.replay.main import main, replay_recording
@@ -75,16 +76,30 @@ def test_a_changed_parameter_is_a_difference(name: str, setting: str, topic: top
     assert not result.equal
 
 
-def test_a_changed_limit_of_the_robot_is_a_difference(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The hard deceleration of the emergency stop."""
+@pytest.fixture
+def weaker_stop(tmp_path: Path) -> Path:
+    """A configuration whose emergency stop decelerates less."""
     folder = tmp_path / "config"
     shutil.copytree(config_dir(), folder)
     file, limit = folder / "robot.yaml", "emergency_deceleration_mps2: 2.0"
     text = file.read_text()
     assert limit in text
     file.write_text(text.replace(limit, "emergency_deceleration_mps2: 1.5"))
-    monkeypatch.setenv("ROBOT_STACK_CONFIG", str(folder))
+    return folder
+
+
+def test_a_changed_limit_of_the_robot_is_a_difference(weaker_stop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("ROBOT_STACK_CONFIG", str(weaker_stop))
     assert topics.CMD_VEL_LIMITED.name in different(replayed("goal_and_button", "swerve_controller"))
+
+
+def test_the_configuration_stored_with_a_recording_applies(weaker_stop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorded, node = ride("goal_and_button", "swerve_controller"), "swerve_controller"
+    with monkeypatch.context() as changed:
+        changed.setenv("ROBOT_STACK_CONFIG", str(weaker_stop))
+        recorded.configuration = configuration()
+    assert topics.CMD_VEL_LIMITED.name in different(replay_recording(recorded, [node], present=False)[0])
+    assert replay_recording(recorded, [node])[0].equal
 
 
 def test_a_thinned_input_is_named_and_not_passed() -> None:
