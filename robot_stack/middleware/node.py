@@ -225,6 +225,13 @@ class StackNode:
         """The computer's monotonic clock, also where simulated time stands still."""
         return self.port.monotonic_s()
 
+    def device_s(self) -> float:
+        """Seconds for data of devices and their silence: the clock by which the kernel stamps, never stepped.
+
+        With a simulated world, its time. May be called from any thread.
+        """
+        return self.port.device_s()
+
     def age_s(self, real_s: float) -> float:
         """The age on the ROS clock of a value read ``real_s`` ago by the monotonic clock, e.g. an engine's status."""
         return self.port.age_s(real_s)

@@ -145,6 +145,10 @@ class Port(Protocol):
         """The computer's monotonic clock, also where simulated time stands still."""
         ...
 
+    def device_s(self) -> float:
+        """The clock by which the computer times its devices: the monotonic clock, or the simulated world's time."""
+        ...
+
     def system_s(self) -> float:
         """The computer's system clock, which may be stepped."""
         ...

@@ -106,6 +106,9 @@ class RosPort(Node):
     def monotonic_s(self) -> float:
         return time.monotonic()
 
+    def device_s(self) -> float:
+        return self._time.timer_s()
+
     def system_s(self) -> float:
         return time.time()
 

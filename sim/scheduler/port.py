@@ -130,6 +130,9 @@ class SimPort:
     def monotonic_s(self) -> float:
         return self._clock.timer_s()
 
+    def device_s(self) -> float:
+        return self._clock.timer_s()
+
     def system_s(self) -> float:
         return self._clock.ros_s()
 

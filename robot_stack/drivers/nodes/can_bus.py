@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from typing import Any
 
@@ -18,14 +17,21 @@ _SLCAN_READ_S = 0.1  # python-can's own 1 ms would wake a core a thousand times 
 class CanBus:
     """``on_frame`` is called from the device's thread with identifier and data.
 
+    clock: the node's ``device_s``, for its silence.
     channel: network interface or device path. keep_alive: (identifier, data) that is sent every ``keep_alive_s``.
     """
 
     errors = (can.CanError,)
 
     def __init__(
-        self, channel: str, params: CanParams, keep_alive: tuple[int, bytes], on_frame: Callable[[int, bytes], None]
+        self,
+        clock: Callable[[], float],
+        channel: str,
+        params: CanParams,
+        keep_alive: tuple[int, bytes],
+        on_frame: Callable[[int, bytes], None],
     ) -> None:
+        self._clock = clock
         self.where, self._params, self._on_frame = channel, params, on_frame
         identifier, data = keep_alive
         self._keep_alive = can.Message(arbitration_id=identifier, data=data, is_extended_id=False)
@@ -39,10 +45,10 @@ class CanBus:
             self._read(bus, thread)
 
     def _read(self, bus: can.BusABC, thread: DeviceThread) -> None:
-        received_s = sent_s = time.monotonic()
+        received_s = sent_s = self._clock()
         while thread.running:
             message = self._next(bus)
-            now_s = time.monotonic()
+            now_s = self._clock()
             if message is not None and not (
                 message.is_extended_id or message.is_remote_frame or message.is_error_frame
             ):

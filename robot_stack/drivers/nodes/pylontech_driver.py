@@ -28,7 +28,7 @@ class PylontechDriverNode(StackNode):
         # An absolute path replaces the runtime folder; a network interface has none.
         channel = str(runtime_dir() / can.channel) if can.interface == "slcan" else can.channel
         self.set_health(False, f"waiting for the battery on {channel}")
-        self._bus = CanBus(channel, can, (KEEP_ALIVE, bytes(8)), self._on_frame)
+        self._bus = CanBus(self.device_s, channel, can, (KEEP_ALIVE, bytes(8)), self._on_frame)
         self._thread = DeviceThread(self._bus, can.reopen_s)
         self.every(_WATCH_HZ, self._watch)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 
 import serial
@@ -16,6 +15,7 @@ _CHUNK = 4096
 class SerialLine:
     """Callbacks come from the device's thread.
 
+    clock: the node's ``device_s``, for its silence.
     port: device path. greeting: sent after each open. on_opened: before the first byte of a line.
     on_bytes: the bytes of one read.
     """
@@ -24,6 +24,7 @@ class SerialLine:
 
     def __init__(
         self,
+        clock: Callable[[], float],
         port: str,
         baud_rate: int,
         params: SerialParams,
@@ -31,6 +32,7 @@ class SerialLine:
         on_opened: Callable[[], None],
         on_bytes: Callable[[bytes], None],
     ) -> None:
+        self._clock = clock
         self.where, self._baud_rate, self._params, self._greeting = port, baud_rate, params, greeting
         self._on_opened, self._on_bytes = on_opened, on_bytes
 
@@ -43,11 +45,11 @@ class SerialLine:
             self._read(line, thread)
 
     def _read(self, line: serial.Serial, thread: DeviceThread) -> None:
-        received_s = time.monotonic()
+        received_s = self._clock()
         while thread.running:
             data = line.read(_CHUNK) if thread.wait(self._params.silent_s, line) else b""
             if data:
-                received_s = time.monotonic()
+                received_s = self._clock()
                 self._on_bytes(data)
-            elif time.monotonic() - received_s >= self._params.silent_s:
+            elif self._clock() - received_s >= self._params.silent_s:
                 raise DeviceLost("is open, but no data arrives")

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import time
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.runtime import runtime_dir
 from robot_stack.drivers.nodes.camera_output import CameraOutput, publish_mountings
 from robot_stack.drivers.nodes.v4l2_device import V4l2Device
 from robot_stack.drivers.v4l2.frames import FrameChooser, Picture
@@ -25,7 +25,8 @@ class V4l2CameraDriverNode(StackNode):
     def __init__(self) -> None:
         super().__init__("v4l2_camera_driver", V4l2CameraDriverParams)
         devices = self.params.devices
-        given = {name: getattr(devices, name) for name in _NAMES if getattr(devices, name)}
+        # An absolute path replaces the runtime folder.
+        given = {name: str(runtime_dir() / file) for name in _NAMES if (file := getattr(devices, name))}
         publish_mountings(self, given)
         self._cameras = {name: _Camera(self, name, device) for name, device in given.items()}
         self.set_health(False, "waiting for the cameras")
@@ -71,7 +72,7 @@ class _Camera:
         self._thread.close()
 
     def _wants(self, stamp_s: float) -> bool:
-        return self._chooser.wants(stamp_s, time.monotonic())
+        return self._chooser.wants(stamp_s, self._node.device_s())
 
     def _on_frame(self, data: NDArray[np.uint8], stamp_s: float) -> None:
         picture = self._chooser.picture(data, stamp_s)
@@ -79,8 +80,8 @@ class _Camera:
             self._node.call_soon(partial(self._publish, picture))
 
     def _publish(self, picture: Picture) -> None:
-        # The difference of the monotonic and the system clock at this moment.
-        stamp = time_from_s(self._node.now_s() - (time.monotonic() - picture.time_s))
+        # The difference of the kernel's and the system clock at this moment.
+        stamp = time_from_s(self._node.now_s() - (self._node.device_s() - picture.time_s))
         self._output.publish(picture.pixels, stamp)
 
 

@@ -26,7 +26,7 @@ class XsensDriverNode(StackNode):
         port = str(runtime_dir() / self.params.serial.port)
         self.set_health(False, f"waiting for the inertial unit on {port}")
         serial = self.params.serial
-        line = SerialLine(port, self.params.baud_rate, serial, START, self._on_opened, self._on_bytes)
+        line = SerialLine(self.device_s, port, self.params.baud_rate, serial, START, self._on_opened, self._on_bytes)
         self._thread = DeviceThread(line, serial.reopen_s)
         self.every(1.0 / self.params.silence_s, self._watch)
 

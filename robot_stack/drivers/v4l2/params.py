@@ -27,7 +27,7 @@ class StampAt(StrEnum):
 
 
 class Devices(Config):
-    """Device files; empty where there is no such camera."""
+    """Device files; a relative name lies in the runtime folder; empty where there is no such camera."""
 
     front: str
     rear: str
