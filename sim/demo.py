@@ -11,6 +11,7 @@ import argparse
 import contextlib
 import json
 import math
+import os
 import shutil
 import signal
 import sys
@@ -26,9 +27,16 @@ from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import Kind, Mission
 from robot_stack.core.mission_library import MissionError, MissionLibrary, mission_library
-from robot_stack.core.runtime import environment_with_home, own_missions_dir, state_shadow_dir, touch_screen_url
+from robot_stack.core.runtime import (
+    environment_with_home,
+    own_missions_dir,
+    runtime_dir,
+    state_shadow_dir,
+    touch_screen_url,
+)
 from robot_stack.supervisor import client, progress
 from robot_stack.supervisor.control import NotRunning
+from sim.devices import v4l2
 from sim.run.demo_display import MOVING_MPS, Display, describe
 from sim.run.demo_recording import Recording, film_of
 from sim.run.result_page import Result, result_page
@@ -141,7 +149,10 @@ def _evidence(folder: Path) -> str:
 def _ride(options: argparse.Namespace, mission: Mission, folder: Path) -> int:
     print(f"starting the stack in the world {options.world} ...", flush=True)
     recording: Recording | None = None
-    launch = client.Launch("sim", _settings(options), speed=options.speed, log_dir=folder / "logs", home=folder)
+    profile = "robot_simulated" if options.devices else "sim"
+    if options.devices:
+        os.environ.update(v4l2.environment(v4l2.build_library(folder), runtime_dir() / "cameras"))
+    launch = client.Launch(profile, _settings(options), speed=options.speed, log_dir=folder / "logs", home=folder)
     try:
         with progress.shown() as show:
             status = client.start(launch, _READY_S, show)
@@ -356,6 +367,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--start-error-deg", type=float, default=START_ERROR_DEG, help="yaw error of the start pose")
     parser.add_argument("--output", type=Path, default=Path("results"), help="folder for plots and figures")
     parser.add_argument("--short", action="store_true", help="the wheelchair's transport alone, in about a minute")
+    parser.add_argument(
+        "--devices", action="store_true", help="the robot's own drivers, on devices simulated byte by byte"
+    )
     parser.set_defaults(start=None)
     if parser.parse_known_args()[0].short:
         parser.set_defaults(mission=SHORT_MISSION, start=SHORT_START, start_error_m=0.0, start_error_deg=0.0)

@@ -46,6 +46,7 @@ class ProfileFile(Config):
     ready_deadline_s: time from start within which every process must be ready.
     engine: the motion engine of every process; null leaves it to config/wmx_client.yaml.
     processes: process names of the contract. Those that are not built yet are reported as missing.
+    extends: a profile whose processes and parameters come first; instead: of these processes, those replaced here.
     parameters: node name -> parameter name -> value, on top of ``config/<node>.yaml``.
     environment: variables for every process.
     extra: processes beyond the contract's table.
@@ -53,6 +54,8 @@ class ProfileFile(Config):
 
     description: str
     machine: Machine
+    extends: str | None = None
+    instead: dict[str, str] = {}
     use_sim_time: bool
     speed: Annotated[float, Field(gt=0.0)] | None
     ready_deadline_s: Annotated[float, Field(gt=0.0)]
@@ -121,7 +124,7 @@ def load_plan(
     Raises ConfigError in one line that names file, field and the accepted values.
     """
     path = profile_path(name)
-    data = _with_speed(read_yaml(path), speed, path)
+    data = _with_speed(_with_base(read_yaml(path), path), speed, path)
     file = validate(ProfileFile, {**data, "use_sim_time": False} if system_time else data, str(path))
     processes = _processes(file, path)
     built = [process for process in processes if process.available]
@@ -164,6 +167,26 @@ def _with_speed(data: dict[str, Any], speed: float | None, path: Path) -> dict[s
     if data.get("speed") is None:
         raise ConfigError(f"{path}: has no simulated world whose speed could be set")
     return {**data, "speed": speed, "use_sim_time": speed != 1.0 or bool(data.get("use_sim_time"))}
+
+
+def _with_base(data: dict[str, Any], path: Path) -> dict[str, Any]:
+    """The profile's data on top of the processes and parameters of the profile that it extends."""
+    if not data.get("extends"):
+        return data
+    file = validate(ProfileFile, data, str(path))
+    assert file.extends is not None
+    base_path = profile_path(file.extends)
+    base = validate(ProfileFile, read_yaml(base_path), str(base_path))
+    if base.extends is not None:
+        raise ConfigError(f"{path}: extends: {file.extends} extends {base.extends}; one step is the limit")
+    if unknown := sorted(set(file.instead) - set(base.processes)):
+        raise ConfigError(f"{path}: instead: {', '.join(unknown)}: no process of the profile {file.extends}")
+    kept = [file.instead.get(name, name) for name in base.processes]
+    parameters = {
+        node: base.parameters.get(node, {}) | file.parameters.get(node, {})
+        for node in (*base.parameters, *file.parameters)
+    }
+    return {**data, "processes": [*kept, *file.processes], "parameters": parameters}
 
 
 def _processes(file: ProfileFile, path: Path) -> list[Process]:

@@ -1,4 +1,4 @@
-"""Node battery_driver: the simulated battery as /battery_state."""
+"""Node battery_driver: the simulated battery as /battery_state, or on a CAN bus at an adapter on a serial line."""
 
 from __future__ import annotations
 
@@ -6,19 +6,39 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import BatteryState
 
 from robot_stack.contract import topics
+from robot_stack.core.config import Config
+from robot_stack.core.runtime import runtime_dir
 from robot_stack.middleware.node import StackNode
+from sim.devices.battery_line import BatteryLine
 from sim.plant.battery import BatteryReading
 
 _CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
 _DISCHARGING = BatteryState.POWER_SUPPLY_STATUS_DISCHARGING
 
 
+class BatteryDriverParams(Config):
+    """``config/battery_driver.yaml``.
+
+    port: a pseudo terminal in the runtime folder: an adapter of the CAN bus of a Pylontech battery; empty: no bus, but
+    the topic.
+    """
+
+    port: str
+
+
 class BatteryDriver(StackNode):
     def __init__(self) -> None:
-        super().__init__("battery_driver")
-        self._state = self.advertise(topics.BATTERY_STATE)
+        super().__init__("battery_driver", BatteryDriverParams)
+        port = self.params.port
+        self._line = BatteryLine(runtime_dir() / port) if port else None
+        if self._line is None:
+            self._state = self.advertise(topics.BATTERY_STATE)
 
     def publish(self, reading: BatteryReading, capacity_ah: float, stamp: Time) -> None:
+        self.set_health(True, "readings arrive")
+        if self._line is not None:
+            self._line.send(reading)
+            return
         message = BatteryState(
             voltage=reading.voltage_v,
             current=reading.current_a,
@@ -34,4 +54,3 @@ class BatteryDriver(StackNode):
         )
         message.header.stamp = stamp
         self._state.publish(message)
-        self.set_health(True, "readings arrive")

@@ -9,18 +9,18 @@ from typing import Annotated
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
-from sensor_msgs.msg import CameraInfo, Image
+from sensor_msgs.msg import Image
 
 from robot_stack.contract import frames, services, topics
 from robot_stack.contract.model import Topic
-from robot_stack.core.camera import camera_file, load_intrinsics
+from robot_stack.core.camera import Intrinsics, camera_file, load_intrinsics
 from robot_stack.core.camera import mounting as camera_mounting
 from robot_stack.core.config import Config
 from robot_stack.core.docks import Docks, load_docks
+from robot_stack.core.runtime import runtime_dir
 from robot_stack.drivers.nodes.camera_output import camera_transform
 from robot_stack.middleware.conversions import camera_info, time_from_s
 from robot_stack.middleware.node import StackNode, run
-from robot_stack.middleware.port import Publisher
 from sim.camera.conditions import Conditions
 from sim.camera.faults import CameraFaults
 from sim.camera.history import BodyHistory, ExposurePlan
@@ -30,6 +30,7 @@ from sim.camera.params import load_camera_params
 from sim.camera.render import Renderer
 from sim.camera.scenery import build_scenery
 from sim.camera.warm_up import warm_up
+from sim.devices.v4l2 import V4l2Camera
 from sim.nodes.bodies import Bodies
 from sim.nodes.fault_service import serve_faults
 from sim.nodes.message_bytes import ImageBytes
@@ -47,12 +48,50 @@ _ROWS: dict[str, tuple[str, Topic, Topic]] = {
 
 
 class CameraDriverParams(Config):
-    """``config/camera_driver.yaml``."""
+    """``config/camera_driver.yaml``.
+
+    device_folder: in the runtime folder, where the cameras are V4L2 devices ``front`` and ``rear`` for programs with
+    the library of ``sim.devices.v4l2``; empty: none, but the topics.
+    """
 
     seed: Annotated[int, Field(ge=0)]
     world: str
     rear_phase_s: Annotated[float, Field(ge=0.0, lt=0.1)]
     silence_s: Annotated[float, Field(gt=0.0)]
+    device_folder: str
+
+
+class _Topics:
+    """The image and the intrinsics of a camera as messages."""
+
+    def __init__(self, node: StackNode, frame: str, calibrated: Intrinsics, rows: tuple[Topic, Topic]) -> None:
+        image = Image(height=calibrated.height, width=calibrated.width, encoding="mono8", step=calibrated.width)
+        self._info = camera_info(calibrated)
+        image.header.frame_id = self._info.header.frame_id = frame
+        self._image = ImageBytes(image)
+        self._images, self._infos = (node.advertise(row) for row in rows)
+
+    def take(self, picture: NDArray[np.uint8], time_s: float) -> bytes:
+        """The image's message."""
+        return self._image.filled(picture, time_from_s(time_s))
+
+    def publish(self, time_s: float, data: bytes) -> None:
+        self._images.publish(data)
+        self._info.header.stamp = time_from_s(time_s)
+        self._infos.publish(self._info)
+
+
+@dataclass(frozen=True, slots=True)
+class _Device:
+    """A camera as a device file. middle_s: from the start of the first row's exposure to the image's time."""
+
+    file: V4l2Camera
+    middle_s: float
+
+    def take(self, picture: NDArray[np.uint8], time_s: float) -> bytes:
+        """Sends the frame. No message."""
+        self.file.send(picture, time_s - self.middle_s)
+        return b""
 
 
 @dataclass(slots=True)
@@ -61,10 +100,7 @@ class _Camera:
     renderer: Renderer
     plan: ExposurePlan
     picture: NDArray[np.uint8]
-    image: ImageBytes
-    info: CameraInfo
-    images: Publisher
-    infos: Publisher
+    output: _Topics | _Device
     exposed: bool = False
 
 
@@ -76,13 +112,14 @@ class CameraDriverNode(StackNode):
         self._docks = load_docks()
         self._boards = _dock_by_body(self._docks)
         self._history = BodyHistory()
-        self._tf = self.advertise(topics.TF_STATIC)
         self._cameras = self._build()
         size = self._cameras[0].picture.shape
         markers = [marker for dock in self._docks.docks.values() for marker in dock.markers]
         self._faults = CameraFaults(_ROWS, markers, size)
-        # Nominal: without the simulated cameras' mounting error.
-        self._tf.publish(TFMessage(transforms=[camera_transform(self, frame) for frame, _, _ in _ROWS.values()]))
+        if not self.params.device_folder:
+            self._tf = self.advertise(topics.TF_STATIC)
+            # Nominal: without the simulated cameras' mounting error.
+            self._tf.publish(TFMessage(transforms=[camera_transform(self, frame) for frame, _, _ in _ROWS.values()]))
         # Called before each image; returns False in runs that do not need images.
         self.wants_pictures: Callable[[], bool] = lambda: True
         self.conditions: Callable[[str, float], Conditions] = self._faults.conditions
@@ -111,13 +148,15 @@ class CameraDriverNode(StackNode):
         )
 
     def _publish(self, camera: _Camera, time_s: float, data: bytes) -> None:
-        camera.images.publish(data)
-        camera.info.header.stamp = time_from_s(time_s)
-        camera.infos.publish(camera.info)
+        if isinstance(camera.output, _Topics):
+            camera.output.publish(time_s, data)
         self.set_health(True, "pictures are taken")
 
     def destroy_node(self) -> None:
         self._worker.close(_END_S)
+        for camera in self._cameras:
+            if isinstance(camera.output, _Device):
+                camera.output.file.close()
         super().destroy_node()
 
     def _watch(self) -> None:
@@ -141,13 +180,13 @@ class CameraDriverNode(StackNode):
             margin_s = 0.5 * (calibrated.height * shutter.row_time_s + shutter.exposure_s)
             phase_s = self.params.rear_phase_s if name == _REAR else 0.0
             plan = ExposurePlan(1.0 / image_row.nominal_rate_hz, phase_s, margin_s)
-            size = calibrated.height, calibrated.width
-            image = Image(height=size[0], width=size[1], encoding="mono8", step=size[1])
-            info = camera_info(calibrated)
-            image.header.frame_id = info.header.frame_id = frame
-            picture = np.zeros(size, np.uint8)
-            publishers = self.advertise(image_row), self.advertise(info_row)
-            cameras.append(_Camera(name, renderer, plan, picture, ImageBytes(image), info, *publishers))
+            picture = np.zeros((calibrated.height, calibrated.width), np.uint8)
+            output: _Topics | _Device
+            if self.params.device_folder:
+                output = _Device(V4l2Camera(runtime_dir() / self.params.device_folder / name), margin_s)
+            else:
+                output = _Topics(self, frame, calibrated, (image_row, info_row))
+            cameras.append(_Camera(name, renderer, plan, picture, output))
         return cameras
 
 
@@ -155,7 +194,7 @@ def _picture(camera: _Camera, time_s: float, motion: Motion | None, conditions: 
     """Runs on the worker: the message of an image. If motion is None, the previous image is sent again."""
     if motion is not None:
         camera.renderer.render(motion, conditions, camera.picture)
-    return camera.image.filled(camera.picture, time_from_s(time_s))
+    return camera.output.take(camera.picture, time_s)
 
 
 def _dock_by_body(docks: Docks) -> dict[str, str]:

@@ -1,13 +1,17 @@
-"""Node lidar_driver: the simulated LiDAR, with sweeps of the bodies' true poses."""
+"""Node lidar_driver: the simulated LiDAR, sweeps of the bodies' true poses as clouds or as an Ouster's packets."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from robot_stack.contract import frames, services, topics
+from robot_stack.core.config import ConfigError
 from robot_stack.core.point_cloud import Points
 from robot_stack.middleware.node import run
+from sim.devices.ouster import OusterSensor
+from sim.devices.udp import UdpSender
 from sim.lidar.faults import FROZEN, RATE, SILENT
+from sim.lidar.params import Beams
 from sim.lidar.sensor import Conditions, Sweep
 from sim.lidar.sweeper import Tracks
 from sim.nodes.turning_lidar import Clouds, TurningLidar
@@ -22,7 +26,9 @@ class LidarDriverNode(TurningLidar):
         super().__init__("lidar_driver")
         self._first: Sweep | None = None
         self._first_number, self._sent_s = -1, -np.inf
-        self._halves, self._fulls = self.advertise(topics.LIDAR_HALF_SWEEP), self.advertise(topics.LIDAR_POINTS)
+        self._head = _Head(self.params.wire, self.sweeper.lidar.params.beams) if self.params.wire else None
+        if self._head is None:
+            self._halves, self._fulls = self.advertise(topics.LIDAR_HALF_SWEEP), self.advertise(topics.LIDAR_POINTS)
 
     def turn(self, number: int, end_s: float) -> None:
         """Half sweep ``number``; every even one completes a turn."""
@@ -37,6 +43,10 @@ class LidarDriverNode(TurningLidar):
             return
         frozen = self.faults.value(FROZEN, end_s) is not None
         conditions, tracks = self.faults.conditions(end_s), self.sweeper.tracks()
+        if self._head is not None:
+            head = self._head
+            self.measure(lambda: head.send(number, self.sweeper.measure(tracks, number, end_s, conditions)))
+            return
         self.measure(lambda: self._half(number, end_s, tracks, conditions, frozen=frozen))
 
     def _half(self, number: int, end_s: float, tracks: Tracks, conditions: Conditions, *, frozen: bool) -> Clouds:
@@ -55,10 +65,37 @@ class LidarDriverNode(TurningLidar):
             clouds += self.cloud(self._fulls, self._joined(self._first, half), end_s)
         return clouds
 
+    def destroy_node(self) -> None:
+        super().destroy_node()
+        if self._head is not None:
+            self._head.close()
+
     def _joined(self, first: Sweep, second: Sweep) -> Points:
         """The full sweep of two halves: all times are before the second's stamp."""
         first.points["time"] -= np.float32(second.stamp_s - first.stamp_s)
         return self.turn_points[: len(first.points) + len(second.points)]
+
+
+class _Head:
+    """The sensor as its network interface. port: of this computer. Raises ConfigError."""
+
+    def __init__(self, port: str, beams: Beams) -> None:
+        try:
+            self._sensor, self._sender = OusterSensor(beams), UdpSender(int(port))
+        except ValueError as error:
+            raise ConfigError(f"lidar_driver: wire {port!r}: {error}") from error
+        self._half = beams.columns // 2
+
+    def send(self, number: int, half: Sweep) -> Clouds:
+        """The packets of half sweep ``number``. No clouds."""
+        first = 0 if number % 2 else self._half
+        self._sender.send(
+            self._sensor.packets(half.points, (number - 1) // 2, (first, first + self._half), half.stamp_s)
+        )
+        return []
+
+    def close(self) -> None:
+        self._sender.close()
 
 
 def main() -> None:

@@ -44,6 +44,8 @@ class LidarDriverParams(Config):
 
     seed: Annotated[int, Field(ge=0)]
     world: str
+    # Where a real sensor's data goes instead of to its topic; empty: to the topic.
+    wire: str
     columns: Annotated[int, Field(ge=8, le=8192)] | None
     passenger: bool
     silence_s: Annotated[float, Field(gt=0.0)]
@@ -68,8 +70,9 @@ class TurningLidar(StackNode):
         self.turn_points = np.empty(beams.columns * beams.rings, SWEEP)
         self._cloud = CloudBytes(cloud_message(np.empty(0, SWEEP), self.sensor))
         self._sent: dict[str, bytes] = {}
-        self._tf = self.advertise(topics.TF_STATIC)
-        self._tf.publish(TFMessage(transforms=[self._mounting()]))
+        if not self.params.wire:
+            self._tf = self.advertise(topics.TF_STATIC)
+            self._tf.publish(TFMessage(transforms=[self._mounting()]))
         self._worker = self.worker("lidar", world_waits=True)
         self._bodies = Bodies(self, self._on_bodies)
         serve_faults(self, self.inject, self.inject_fault)
@@ -103,7 +106,7 @@ class TurningLidar(StackNode):
     def _publish(self, clouds: Clouds) -> None:
         for publisher, data in clouds:
             publisher.publish(data)
-        if clouds:
+        if clouds or self.params.wire:
             self.set_health(True, f"{self.sensor} measures")
 
     def destroy_node(self) -> None:

@@ -12,9 +12,9 @@ import pytest
 from sensor_msgs.msg import BatteryState
 
 from robot_stack.contract import topics
+from sim.devices.serial_line import SerialLine
 from tests.nodes.test_point_cloud_adapter import says
 from tests.support.devices.modbus import Registers, TcpDevice
-from tests.support.devices.serial_line import SerialLine
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for

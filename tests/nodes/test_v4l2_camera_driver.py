@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import shutil
 import struct
-import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,9 +14,10 @@ from numpy.typing import NDArray
 
 from robot_stack.contract import topics
 from robot_stack.middleware.conversions import time_to_s
+from sim.devices.v4l2 import build_library
 from tests.nodes.test_point_cloud_adapter import says
 from tests.support.peer import Heard, Peer
-from tests.support.processes import ROOT, NodeProcess, node_command
+from tests.support.processes import NodeProcess, node_command
 from tests.support.waiting import wait_for
 
 NAME = "v4l2_camera_driver"
@@ -28,12 +27,7 @@ HEIGHT, WIDTH = 720, 1280
 @pytest.fixture(scope="module")
 def kernel(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The library that replaces the kernel's interface."""
-    compiler = shutil.which("c++") or shutil.which("g++")
-    assert compiler is not None, "a C++ compiler is needed"
-    library = tmp_path_factory.mktemp("v4l2") / "camera.so"
-    source = ROOT / "tests" / "support" / "v4l2_camera.cpp"
-    subprocess.run([compiler, "-std=c++17", "-shared", "-fPIC", "-o", library, source, "-ldl"], check=True)
-    return library
+    return build_library(tmp_path_factory.mktemp("v4l2"))
 
 
 class Cameras:

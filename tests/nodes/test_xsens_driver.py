@@ -13,9 +13,9 @@ import pytest
 
 from robot_stack.contract import topics
 from robot_stack.middleware.conversions import time_to_s
+from sim.devices.serial_line import SerialLine
+from sim.devices.xsens import Motion, Mti, frame
 from tests.nodes.test_point_cloud_adapter import says
-from tests.support.devices.serial_line import SerialLine
-from tests.support.devices.xsens import Motion, Mti, frame
 from tests.support.peer import Peer
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for

@@ -10,8 +10,8 @@ import pytest
 
 from robot_stack.cli.devices import Device, devices
 from robot_stack.core.config import config_dir
+from sim.devices.serial_line import SerialLine
 from tests.support.devices.modbus import Registers, TcpDevice
-from tests.support.devices.serial_line import SerialLine
 from tests.support.ouster_packets import Os
 
 

@@ -23,7 +23,7 @@ from robot_stack.drivers.pylontech.frames import (
 )
 from robot_stack.drivers.pylontech.pack import OTHERS, REFUSED, TAKEN, Pack
 from robot_stack.drivers.pylontech.params import PylontechDriverParams
-from tests.support.devices.pylontech import Battery
+from sim.devices.pylontech import Battery
 
 
 def params(**changes: object) -> PylontechDriverParams:

@@ -15,7 +15,7 @@ from robot_stack.drivers.xsens.mtdata2 import MeasurementRefused, measurement
 from robot_stack.drivers.xsens.params import XsensDriverParams
 from robot_stack.drivers.xsens.unit import CLIPPED, DOUBLED, JUMPS, LOST, REFUSED, START, Unit
 from robot_stack.drivers.xsens.xbus import CORRUPT, SKIPPED, Decoder, Message, encode
-from tests.support.devices.xsens import Motion, Mti, frame, packet
+from sim.devices.xsens import Motion, Mti, frame, packet
 
 NOW_S = 1_795_000_000.0
 # By hand from the protocol: MTData2 with SampleTimeFine 10,000 only; FF + 36 + 07 + 10 + 60 + 04 + 27 + 10 = 0x1E7.

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 _PREAMBLE, _BUS, _GO_TO_MEASUREMENT, _MTDATA2 = 0xFA, 0xFF, 0x10, 0x36
 _FILTER_VALID = 2
+_TICKS_PER_S = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +23,7 @@ class Mti:
     """Counts samples of its own clock of 10 kHz, which begins at ``ticks``."""
 
     def __init__(self, rate_hz: int = 100, ticks: int = 0) -> None:
-        self._step, self._ticks, self._counter = 10_000 // rate_hz, ticks, 0
+        self._step, self._ticks, self._counter = _TICKS_PER_S // rate_hz, ticks, 0
         self.measuring = False
 
     def heard(self, data: bytes) -> bytes:
@@ -32,9 +33,10 @@ class Mti:
         self.measuring = True
         return frame(_GO_TO_MEASUREMENT + 1, b"")
 
-    def sample(self, motion: Motion) -> bytes:
-        """The frame of the next sample."""
-        self._ticks, self._counter = (self._ticks + self._step) % 2**32, (self._counter + 1) % 2**16
+    def sample(self, motion: Motion, time_s: float | None = None) -> bytes:
+        """The frame of the next sample. time_s: of its clock; None is one period after the last."""
+        ticks = self._ticks + self._step if time_s is None else round(_TICKS_PER_S * time_s)
+        self._ticks, self._counter = ticks % 2**32, (self._counter + 1) % 2**16
         packets = (
             packet(0x1020, ">H", self._counter)
             + packet(0x1060, ">I", self._ticks)

@@ -1,7 +1,10 @@
 // A camera behind the kernel's V4L2 interface, for programs that are started with this library preloaded.
 //
-// Device files are ordinary files below $V4L2_CAMERAS; their content is what the camera sends. In GREY, the first eight
-// bytes of every frame are its timestamp in microseconds. A file that is removed is a cable that is pulled.
+// Device files lie below $V4L2_CAMERAS. A file that is removed is a cable that is pulled.
+//
+// - An ordinary file: its content is what the camera sends, at the rate that was asked for. In GREY, the first eight bytes
+//   of every frame are its timestamp in microseconds.
+// - A socket (SOCK_SEQPACKET): each message is a frame, behind its timestamp in microseconds (int64).
 // Source: Linux kernel, Userspace API, Video for Linux (linux/videodev2.h).
 #include <dlfcn.h>
 #include <errno.h>
@@ -12,7 +15,11 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/timerfd.h>
+#include <sys/uio.h>
+#include <sys/un.h>
 #include <time.h>
 #include <unistd.h>
 
@@ -29,6 +36,7 @@ constexpr int64_t kTransportUs = 20000;  // from the start of the exposure until
 
 struct Camera {
   std::string path;
+  bool sends_itself = false;
   uint32_t width = 640, height = 480, format = V4L2_PIX_FMT_YUYV, frames = 30, sequence = 0;
   std::map<uint32_t, int> controls{
       {V4L2_CID_EXPOSURE_AUTO, V4L2_EXPOSURE_APERTURE_PRIORITY}, {V4L2_CID_EXPOSURE_ABSOLUTE, 156}, {V4L2_CID_GAIN, 10}};
@@ -54,7 +62,8 @@ int fail(int why) {
   return -1;
 }
 
-void run(int fd, uint32_t frames) {
+void run(int fd, const Camera& camera, uint32_t frames) {
+  if (camera.sends_itself) return;
   itimerspec period{};
   if (frames) period.it_interval.tv_nsec = period.it_value.tv_nsec = 1000000000 / frames;
   timerfd_settime(fd, 0, &period, nullptr);
@@ -79,19 +88,37 @@ void choose(Camera& camera, const v4l2_format& asked) {
   camera.height = large ? 720 : 480;
 }
 
-int take(int fd, Camera& camera, v4l2_buffer* buffer) {
+// The size of the frame that was read into `data`, or -1.
+ssize_t read_file(int fd, const Camera& camera, char* data, int64_t* at_us) {
   uint64_t expired;
-  if (camera.queued.empty() || read(fd, &expired, sizeof expired) != sizeof expired) return fail(EAGAIN);
+  if (read(fd, &expired, sizeof expired) != sizeof expired) return fail(EAGAIN);
   const int file = real<int (*)(const char*, int, ...)>("open")(camera.path.c_str(), O_RDONLY);
   if (file < 0) return fail(ENODEV);
-  buffer->index = camera.queued.front();
-  camera.queued.pop_front();
-  char* data = camera.buffers[buffer->index];
-  buffer->bytesused = static_cast<uint32_t>(read(file, data, kBufferBytes));
+  const ssize_t size = read(file, data, kBufferBytes);
   real<int (*)(int)>("close")(file);
   timespec now;
   clock_gettime(CLOCK_MONOTONIC, &now);
-  const int64_t at_us = now.tv_sec * 1000000LL + now.tv_nsec / 1000 - kTransportUs;
+  *at_us = now.tv_sec * 1000000LL + now.tv_nsec / 1000 - kTransportUs;
+  return size;
+}
+
+ssize_t read_socket(int fd, char* data, int64_t* at_us) {
+  iovec parts[] = {{at_us, sizeof *at_us}, {data, kBufferBytes}};
+  const ssize_t size = readv(fd, parts, 2);
+  if (size < 0 && errno == EAGAIN) return -1;
+  if (size < static_cast<ssize_t>(sizeof *at_us)) return fail(ENODEV);
+  return size - sizeof *at_us;
+}
+
+int take(int fd, Camera& camera, v4l2_buffer* buffer) {
+  if (camera.queued.empty()) return fail(EAGAIN);
+  char* data = camera.buffers[camera.queued.front()];
+  int64_t at_us;
+  const ssize_t size = camera.sends_itself ? read_socket(fd, data, &at_us) : read_file(fd, camera, data, &at_us);
+  if (size < 0) return -1;
+  buffer->index = camera.queued.front();
+  camera.queued.pop_front();
+  buffer->bytesused = static_cast<uint32_t>(size);
   buffer->timestamp.tv_sec = at_us / 1000000;
   buffer->timestamp.tv_usec = at_us % 1000000;
   buffer->flags = V4L2_BUF_FLAG_TIMESTAMP_MONOTONIC | V4L2_BUF_FLAG_TSTAMP_SRC_SOE;
@@ -130,7 +157,10 @@ int answer(int fd, Camera& camera, unsigned long request, void* argument) {
       return 0;
     case VIDIOC_S_PARM: {
       const v4l2_fract& asked = static_cast<v4l2_streamparm*>(argument)->parm.capture.timeperframe;
-      if (asked.numerator) camera.frames = asked.denominator / asked.numerator >= 30 ? 30 : 15;  // it knows two rates
+      if (asked.numerator) {  // it knows three rates
+        const uint32_t frames = asked.denominator / asked.numerator;
+        camera.frames = frames >= 30 ? 30 : frames >= 15 ? 15 : 10;
+      }
     }
       [[fallthrough]];
     case VIDIOC_G_PARM: {
@@ -177,10 +207,10 @@ int answer(int fd, Camera& camera, unsigned long request, void* argument) {
     case VIDIOC_DQBUF:
       return take(fd, camera, static_cast<v4l2_buffer*>(argument));
     case VIDIOC_STREAMON:
-      run(fd, camera.frames);
+      run(fd, camera, camera.frames);
       return 0;
     case VIDIOC_STREAMOFF:
-      run(fd, 0);
+      run(fd, camera, 0);
       camera.queued.clear();
       return 0;
     default:
@@ -188,13 +218,27 @@ int answer(int fd, Camera& camera, unsigned long request, void* argument) {
   }
 }
 
+int connect_to(const char* path) {
+  const int fd = socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  strncpy(address.sun_path, path, sizeof address.sun_path - 1);
+  if (connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0) return fd;
+  real<int (*)(int)>("close")(fd);
+  return -1;
+}
+
 int open_camera(const char* path) {
   const char* folder = getenv("V4L2_CAMERAS");
-  if (!folder || strncmp(path, folder, strlen(folder)) != 0 || access(path, F_OK) != 0) return -1;
-  const int fd = timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK);
+  struct stat info;
+  if (!folder || strncmp(path, folder, strlen(folder)) != 0 || stat(path, &info) != 0) return -1;
+  const bool is_socket = S_ISSOCK(info.st_mode);
+  const int fd = is_socket ? connect_to(path) : timerfd_create(CLOCK_MONOTONIC, TFD_NONBLOCK);
+  if (fd < 0) return -1;
   std::lock_guard<std::mutex> lock(mutex);
   cameras[fd] = Camera{};
   cameras[fd].path = path;
+  cameras[fd].sends_itself = is_socket;
   return fd;
 }
 

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import os
 import pty
+import struct
+import termios
 import tty
 from pathlib import Path
+
+from sim.devices.host import wait_read
 
 _CHUNK = 4096
 
@@ -54,3 +59,16 @@ class SerialLine:
             return os.read(self._ends[0], _CHUNK)
         except BlockingIOError:
             return b""
+
+    def wait_read(self) -> bool:
+        """Waits until the host has read all bytes. False, and the bytes are lost, if it does not read."""
+        if wait_read(self._unread):
+            return True
+        if self._ends is not None:
+            termios.tcflush(self._ends[1], termios.TCIFLUSH)
+        return False
+
+    def _unread(self) -> int:
+        if self._ends is None:
+            return 0
+        return int(struct.unpack("i", fcntl.ioctl(self._ends[1], termios.FIONREAD, bytes(4)))[0])
