@@ -37,6 +37,7 @@ from robot_stack.core.runtime import (
 from robot_stack.supervisor import client, progress
 from robot_stack.supervisor.control import NotRunning
 from sim.devices import v4l2
+from sim.devices.udp import free_port
 from sim.run.demo_display import MOVING_MPS, Display, describe
 from sim.run.demo_recording import Recording, film_of
 from sim.run.result_page import Result, result_page
@@ -50,6 +51,7 @@ from sim.settings import (
     WORLDLY,
     own_map,
     pose_settings,
+    wire_settings,
     world_settings,
     wrong_start,
 )
@@ -149,10 +151,11 @@ def _evidence(folder: Path) -> str:
 def _ride(options: argparse.Namespace, mission: Mission, folder: Path) -> int:
     print(f"starting the stack in the world {options.world} ...", flush=True)
     recording: Recording | None = None
-    profile = "robot_simulated" if options.devices else "sim"
+    profile, settings = "sim", _settings(options)
     if options.devices:
+        profile, settings = "robot_simulated", [*settings, *wire_settings(free_port())]
         os.environ.update(v4l2.environment(v4l2.build_library(folder), runtime_dir() / "cameras"))
-    launch = client.Launch(profile, _settings(options), speed=options.speed, log_dir=folder / "logs", home=folder)
+    launch = client.Launch(profile, settings, speed=options.speed, log_dir=folder / "logs", home=folder)
     try:
         with progress.shown() as show:
             status = client.start(launch, _READY_S, show)

@@ -29,6 +29,11 @@ def wrong_start(start: Pose2, off_m: float, off_deg: float) -> Pose2:
     return Pose2(start.x + 0.8 * off_m, start.y - 0.6 * off_m, start.yaw + math.radians(off_deg))
 
 
+def wire_settings(port: int) -> list[str]:
+    """The port of the LiDAR's packets in the profile robot_simulated, for several stacks on one computer."""
+    return [f'lidar_driver.wire="{port}"', f"ouster_driver.port={port}"]
+
+
 def world_settings(world: str) -> list[str]:
     """The world in every node that simulates it, and its map, or none, in those that use one."""
     name = own_map(world)

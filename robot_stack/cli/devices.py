@@ -163,15 +163,16 @@ def _joystick(name: str) -> Device:
 
 
 def _cameras(name: str) -> Device:
-    devices = load(V4l2CameraDriverParams, name).devices
-    for device in filter(None, (devices.front, devices.rear)):
+    configured = load(V4l2CameraDriverParams, name).devices
+    devices = [str(runtime_dir() / device) for device in (configured.front, configured.rear) if device]
+    for device in devices:
         if not Path(device).exists():
             there = ", ".join(f"{_camera(path)}" for path in sorted(_CAMERAS.glob("video*"))) or "none"
             return Device(name, False, f"{device} is not there", f"plug it in, or name another; cameras here: {there}")
         if not os.access(device, os.R_OK | os.W_OK):
             advice = "add yourself to its group: usermod -aG video $USER"
             return Device(name, False, f"{device} may not be opened", advice)
-    return Device(name, True, " and ".join(filter(None, (devices.front, devices.rear))))
+    return Device(name, True, " and ".join(devices))
 
 
 def _camera(path: Path) -> str:

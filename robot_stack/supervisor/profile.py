@@ -175,8 +175,11 @@ def _with_base(data: dict[str, Any], path: Path) -> dict[str, Any]:
         return data
     file = validate(ProfileFile, data, str(path))
     assert file.extends is not None
-    base_path = profile_path(file.extends)
-    base = validate(ProfileFile, read_yaml(base_path), str(base_path))
+    try:
+        base_path = profile_path(file.extends)
+        base = validate(ProfileFile, read_yaml(base_path), str(base_path))
+    except ConfigError as error:
+        raise ConfigError(f"{path}: extends: {error}") from error
     if base.extends is not None:
         raise ConfigError(f"{path}: extends: {file.extends} extends {base.extends}; one step is the limit")
     if unknown := sorted(set(file.instead) - set(base.processes)):

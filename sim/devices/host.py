@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 _FIRST_LOOK_S, _LAST_LOOK_S = 0.0001, 0.002
-_PATIENCE_S = 2.0  # a host that reads nothing for so long has ended or hangs
+_PATIENCE_S = 10.0  # a host that reads nothing for so long has ended or hangs
 
 
 def wait_read(unread: Callable[[], int]) -> bool:

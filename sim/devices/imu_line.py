@@ -18,8 +18,9 @@ class ImuLine:
 
     def send(self, sample: ImuSample) -> None:
         """Waits until the host has read the sample before; one that does not read has to open the line again."""
-        self._line.send(self._unit.heard(self._line.received()))
-        if not self._unit.measuring:
+        answer = self._unit.heard(self._line.received())
+        if answer or not self._unit.measuring:
+            self._line.send(answer)
             return
         if not self._line.wait_read():
             self._unit.measuring = False

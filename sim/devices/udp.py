@@ -13,6 +13,13 @@ _TOGETHER = 8  # packets sent at once: fewer than a receiver's default buffer ho
 _SOCKETS = Path("/proc/net/udp")  # the kernel's table, proc(5): local address and port, queues, in hexadecimal
 
 
+def free_port() -> int:
+    """A port of this computer that no socket uses."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as free:
+        free.bind((ADDRESS, 0))
+        return int(free.getsockname()[1])
+
+
 class UdpSender:
     """port: destination. absent: packets are lost, because no process reads them."""
 

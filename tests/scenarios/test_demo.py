@@ -89,8 +89,10 @@ def assert_recorded_and_filmed(folder: Path, output: str) -> None:
 
 
 @pytest.mark.slow
-def test_short_demo_carries_the_wheelchair(demo: Demo, tmp_path: Path) -> None:
-    process = demo("--short")
+@pytest.mark.parametrize("devices", [(), ("--devices",)], ids=["topics", "wires"])
+def test_short_demo_carries_the_wheelchair(demo: Demo, tmp_path: Path, devices: tuple[str, ...]) -> None:
+    """Also by the robot's own drivers, on devices simulated at their wires."""
+    process = demo("--short", *devices)
     code = process.wait(1700.0)
     output = process.output()
     assert code == 0, output

@@ -97,6 +97,13 @@ def test_not_built_processes_are_named_not_dropped(tmp_path: Path) -> None:
         ({"colour": "red"}, "colour: is not a known parameter"),
         ({"parameters": {"nobody": {"a": 1}}}, "nobody: no node of this profile"),
         ({"extra": {"sim_world": {"module": "a", "criticality": "critical", "note": ""}}}, "extra.sim_world"),
+        ({"extends": "nobody"}, "no profile 'nobody'"),
+        ({"extends": "robot_simulated"}, "robot_simulated extends robot"),
+        (
+            {"extends": "sim", "instead": {"xsens_driver": "imu"}},
+            "instead: xsens_driver: no process of the profile sim",
+        ),
+        ({"extends": "sim"}, "sim_world, swerve_controller, touch_ui: named twice"),
         ({"extra": {"mine": {"module": "a", "criticality": "vital", "note": ""}}}, "extra.mine.criticality"),
     ],
 )
@@ -106,6 +113,28 @@ def test_wrong_profile_is_refused(tmp_path: Path, changes: dict[str, Any], messa
         load_plan(path)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
+
+
+def test_a_profile_extends_another(tmp_path: Path) -> None:
+    path = profile(
+        tmp_path,
+        extends="robot",
+        instead={"pylontech_driver": "modbus_battery_driver"},
+        processes=["sim_world"],
+        parameters={"xsens_driver": {"latency_s": 0.001}},
+    )
+    robot, mine = ([process.name for process in load_plan(name).processes] for name in ("robot", path))
+    assert mine == [*(name.replace("pylontech", "modbus_battery") for name in robot), "sim_world"]
+    assert load_plan(path).parameters["xsens_driver"]["latency_s"] == 0.001
+
+
+def test_the_simulated_robot_runs_every_process_of_the_robot_but_the_adapter_of_a_vendors_driver() -> None:
+    robot, simulated = (
+        {process.name for process in load_plan(name).processes} for name in ("robot", "robot_simulated")
+    )
+    assert robot - simulated == {"point_cloud_adapter"}
+    added = {name for name in simulated - robot if BY_NAME[name].system.value != "simulation"}
+    assert added == {"ouster_driver"}
 
 
 def test_unknown_profile_lists_the_known_ones() -> None:
