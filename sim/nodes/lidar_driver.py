@@ -44,10 +44,16 @@ class LidarDriverNode(TurningLidar):
         frozen = self.faults.value(FROZEN, end_s) is not None
         conditions, tracks = self.faults.conditions(end_s), self.sweeper.tracks()
         if self._head is not None:
-            head = self._head
-            self.measure(lambda: head.send(number, self.sweeper.measure(tracks, number, end_s, conditions)))
+            self.measure(lambda: self._packets(number, end_s, tracks, conditions, frozen=frozen))
             return
         self.measure(lambda: self._half(number, end_s, tracks, conditions, frozen=frozen))
+
+    def _packets(self, number: int, end_s: float, tracks: Tracks, conditions: Conditions, *, frozen: bool) -> Clouds:
+        """On the worker. Sends half sweep ``number``; no clouds."""
+        assert self._head is not None
+        half = None if frozen else self.sweeper.measure(tracks, number, end_s, conditions).points
+        self._head.send(number, end_s, half)
+        return []
 
     def _half(self, number: int, end_s: float, tracks: Tracks, conditions: Conditions, *, frozen: bool) -> Clouds:
         """On the worker. A frozen sensor repeats its last measurement."""
@@ -85,14 +91,15 @@ class _Head:
         except ValueError as error:
             raise ConfigError(f"lidar_driver: wire {port!r}: {error}") from error
         self._half = beams.columns // 2
+        self._sent: dict[int, Points] = {}
 
-    def send(self, number: int, half: Sweep) -> Clouds:
-        """The packets of half sweep ``number``. No clouds."""
+    def send(self, number: int, end_s: float, points: Points | None) -> None:
+        """The packets of half sweep ``number``. points: ``SWEEP``; None is the last ones of this half again."""
         first = 0 if number % 2 else self._half
-        self._sender.send(
-            self._sensor.packets(half.points, (number - 1) // 2, (first, first + self._half), half.stamp_s)
-        )
-        return []
+        points = self._sent.get(first) if points is None else points
+        if points is not None:
+            self._sent[first] = points
+            self._sender.send(self._sensor.packets(points, (number - 1) // 2, (first, first + self._half), end_s))
 
     def close(self) -> None:
         self._sender.close()
