@@ -9,11 +9,15 @@ from typing import Annotated
 import typer
 
 
-def doctor(as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False) -> None:
+def doctor(
+    as_json: Annotated[bool, typer.Option("--json", help="Print as JSON.")] = False,
+    robot: Annotated[bool, typer.Option("--robot", help="Also the steps of docs/commissioning.md.")] = False,
+) -> None:
     """Check this machine, the installation and the configuration. Exit code 1 if something will not work."""
     from robot_stack.cli.checks import Level, examine
+    from robot_stack.cli.robot_checks import robot_checks
 
-    findings = examine()
+    findings = examine(robot_checks() if robot else ())
     if as_json:
         entries = [{"check": f.check, "level": f.level.value, "what": f.what, "advice": f.advice} for f in findings]
         print(json.dumps(entries, indent=2))

@@ -55,15 +55,20 @@ def topics(
 
 
 def _plan(profile: str | None) -> Plan:
+    from robot_stack.supervisor.profile import load_plan
+
+    return load_plan(profile) if profile is not None else running_plan() or load_plan("sim")
+
+
+def running_plan() -> Plan | None:
+    """What the running stack runs; None if none runs."""
     from robot_stack.supervisor.control import NotRunning, ask
     from robot_stack.supervisor.profile import load_plan
 
-    if profile is not None:
-        return load_plan(profile)
     try:
         status = ask("status")
     except (NotRunning, TimeoutError):
-        return load_plan("sim")
+        return None
     plan = load_plan(status["profile_path"], only=[item["name"] for item in status["processes"]])
     return replace(plan, use_sim_time=status["use_sim_time"])
 

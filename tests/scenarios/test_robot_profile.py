@@ -77,6 +77,22 @@ def test_the_robots_drivers_alone_publish_what_its_sensors_measure(stack: StackU
         stack.peer.node.destroy_subscription(heard.subscription)
 
 
+def test_doctor_finds_engine_sensors_and_display(stack: StackUnderTest) -> None:
+    from robot_stack.cli import robot_checks
+    from robot_stack.cli.checks import Level
+
+    found = [*robot_checks.engine(), *robot_checks.level(), *robot_checks.display()]
+    assert [finding for finding in found if finding.level is not Level.OK] == []
+    assert {finding.check for finding in found} == {
+        "axes", "home", "hardware stop", "inertial unit", "external display",
+    }  # fmt: skip
+    # Rates are not compared: a measurement takes a few seconds, in which a slow world sends few messages.
+    measured = {finding.what.partition(" ")[0].rstrip(":") for finding in robot_checks.sensors()}
+    from robot_stack.contract import topics
+
+    assert {topics.ROWS[key].name for key in DRIVERS} <= measured
+
+
 def test_the_robot_rides_by_its_own_drivers(stack: StackUnderTest) -> None:
     from robot_stack.contract import topics
 

@@ -1,0 +1,315 @@
+"""The checks of ``robot-stack doctor --robot``: what a program can check of the steps of docs/commissioning.md."""
+
+from __future__ import annotations
+
+import grp
+import math
+import pwd
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from robot_stack.cli.checks import Finding, Level
+from robot_stack.cli.topics import TOLERANCE, running_plan
+from robot_stack.core.config import ConfigError, load
+
+if TYPE_CHECKING:
+    from robot_stack.core.robot import Robot
+    from robot_stack.wmx.axes import StatusSnapshot
+
+ETC = Path("/etc")
+_SHIPPED = Path(__file__).resolve().parents[2] / "launch_scripts"
+_INSTALLED = {
+    "robot-stack.service": "systemd/system/robot-stack.service",
+    "robot-stack-kiosk.service": "systemd/system/robot-stack-kiosk.service",
+    "robot-stack.sysusers": "sysusers.d/robot-stack.conf",
+}
+_PROFILE, _USER = "robot", "robot"
+# Groups of Debian whose members may open a driver's device.
+_GROUPS = {
+    "xsens_driver": "dialout",
+    "pylontech_driver": "dialout",
+    "modbus_battery_driver": "dialout",
+    "ehmi_bridge": "dialout",
+    "v4l2_camera_driver": "video",
+    "joystick_driver": "input",
+}
+_PUBLIC_PIN = "2468"  # of the simulation
+_GRAVITY_MPS2, _GRAVITY_TOLERANCE_MPS2 = 9.81, 0.5
+_LEVEL_DEG = 5.0  # mounting and ground together
+_HEAR_S = 5.0
+_WINDOW_S = 6.0  # six messages of the slowest row
+_START = "start the stack (robot-stack up --profile robot), then run this again"
+
+
+def robot_checks() -> tuple[Callable[[], Iterable[Finding]], ...]:
+    """In the order of the guide."""
+    return (service_user, unit_files, engine, sensors, level, display, staff_pin, self_test, site_map, docks)
+
+
+# --- 1, 11: computer and service --------------------------------------------------------------------------------------
+
+
+def service_user() -> Iterator[Finding]:
+    """The service's user, and that it may open the devices of the profile."""
+    from robot_stack.supervisor.profile import load_plan
+
+    drivers = [process.name for process in load_plan(_PROFILE).processes]
+    try:
+        primary = pwd.getpwnam(_USER).pw_gid
+    except KeyError:
+        advice = "copy launch_scripts/robot-stack.sysusers to /etc/sysusers.d/robot-stack.conf, run systemd-sysusers"
+        yield Finding("user", Level.BAD, f"there is no user {_USER}, as which the service runs", advice)
+        return
+    members = {group.gr_name for group in grp.getgrall() if _USER in group.gr_mem or group.gr_gid == primary}
+    yield from group_findings(drivers, members)
+
+
+def group_findings(drivers: Sequence[str], members: set[str]) -> Iterator[Finding]:
+    """members: the groups of the service's user."""
+    for group in sorted({_GROUPS[driver] for driver in drivers if driver in _GROUPS}):
+        users = ", ".join(driver for driver in drivers if _GROUPS.get(driver) == group)
+        if group in members:
+            yield Finding("user", Level.OK, f"{_USER} is in the group {group}, for {users}")
+        else:
+            yield Finding("user", Level.BAD, f"{_USER} is not in the group {group}", f"usermod -aG {group} {_USER}")
+
+
+def unit_files(etc: Path = ETC) -> Iterator[Finding]:
+    for name, place in _INSTALLED.items():
+        path = etc / place
+        if not path.is_file():
+            yield Finding("unit files", Level.BAD, f"{path} is not there", f"sudo cp launch_scripts/{name} {path}")
+        elif path.read_bytes() != (_SHIPPED / name).read_bytes():
+            advice = f"after an update: sudo cp launch_scripts/{name} {path}, sudo systemctl daemon-reload"
+            yield Finding("unit files", Level.NOTE, f"{path} differs from launch_scripts/{name}", advice)
+        else:
+            yield Finding("unit files", Level.OK, f"{path}")
+
+
+# --- 2, 4, 5: engine, axes, home --------------------------------------------------------------------------------------
+
+
+def engine() -> Iterator[Finding]:
+    """The motion engine as the running stack uses it: its parameters, the axes, the emergency-stop input."""
+    from robot_stack.core.robot import load_robot
+    from robot_stack.wmx import EngineError, connect
+    from robot_stack.wmx.api import error_name
+    from robot_stack.wmx.config import ENGINE_VARIABLE, load_client_config
+    from robot_stack.wmx.read_back import differences
+    from robot_stack.wmx.robot_parameters import robot_parameters
+
+    plan = running_plan()
+    if plan is None:
+        yield Finding("engine", Level.NOTE, "not checked: the stack does not run", _START)
+        return
+    robot = load_robot()
+    try:
+        with connect("doctor", load_client_config(plan.environment.get(ENGINE_VARIABLE)), timeout_s=0.0) as device:
+            code, snapshot = device.read_status()
+            names = {axis.number: name for name, axis in robot.axes.items()}
+            different = list(differences(device, robot_parameters(robot), names))
+    except EngineError as error:
+        yield Finding("engine", Level.BAD, str(error), "see the log of swerve_hardware_interface; docs/wmx_vendor.md")
+        return
+    if code:
+        yield Finding("engine", Level.BAD, f"status: {error_name(code)} (error {code})", "start the engine again")
+        return
+    for text in different:
+        yield Finding("axes", Level.BAD, text, "correct config/robot.yaml or the drive, start the stack again")
+    if not different:
+        yield Finding("axes", Level.OK, f"{len(names)} axes have the parameters of config/robot.yaml")
+    yield from axis_findings(snapshot, robot)
+
+
+def axis_findings(snapshot: StatusSnapshot, robot: Robot) -> Iterator[Finding]:
+    from robot_stack.contract.frames import JOINTS, STEER_AXES
+
+    if not snapshot.communicating:
+        yield Finding("engine", Level.BAD, "it does not communicate with the drives", "power, cables, docs/wmx.md")
+        return
+    alarms = [
+        f"{name} 0x{int(snapshot.amp_alarm_code[axis.number]):04X}"
+        for name, axis in robot.axes.items()
+        if snapshot.amp_alarm[axis.number]
+    ]
+    if alarms:
+        yield Finding("axes", Level.BAD, f"alarm of {', '.join(alarms)}", "the drive's manual names the code")
+    steering = [JOINTS[joint] for joint in STEER_AXES]
+    lost = [name for name in steering if not snapshot.home_done[robot.axes[name].number]]
+    if lost:
+        yield Finding("home", Level.BAD, f"no home: {', '.join(lost)}", "align the wheels, robot-stack wmx home")
+    else:
+        yield Finding("home", Level.OK, "all steering axes have a home")
+    byte, bit = robot.estop_input_byte, robot.estop_input_bit
+    if snapshot.input_bit(byte, bit):
+        yield Finding("hardware stop", Level.OK, f"input byte {byte} bit {bit} reports it released")
+    else:
+        advice = "release all buttons; else check the wire, and estop_input_byte and _bit in config/robot.yaml"
+        yield Finding("hardware stop", Level.BAD, f"input byte {byte} bit {bit}: pressed, or not wired", advice)
+
+
+# --- 6: sensors -------------------------------------------------------------------------------------------------------
+
+
+def sensors() -> Iterator[Finding]:
+    """The topics of every driver of the running profile, compared with the contract."""
+    from robot_stack.contract import topics
+    from robot_stack.system_monitor.nodes.topic_meter import Meter
+    from robot_stack.system_monitor.topic_check import judge_all, rows_of
+
+    plan = running_plan()
+    if plan is None:
+        yield Finding("sensors", Level.NOTE, "not checked: the stack does not run", _START)
+        return
+    drivers = {p.name for p in plan.processes if str(p.module).startswith("robot_stack.drivers.")}
+    of_profile = rows_of(plan.machine, plan.use_sim_time)
+    rows = [row for row in of_profile if drivers & set(row.publishers) and row.rate_hz is not None]
+    with Meter([*rows, *(row for row in of_profile if row is topics.CLOCK)]) as meter:
+        meter.settle()
+        meter.run(_WINDOW_S)
+        found = judge_all(rows, meter.seen(), frozenset(drivers), TOLERANCE)
+    for item in found:
+        source = ", ".join(sorted(drivers & set(item.row.publishers)))
+        if item.problems:
+            advice = f"robot-stack status, and the log of {source}; docs/drivers.md"
+            yield Finding("sensors", Level.BAD, f"{item.row.name}: {'; '.join(item.problems)}", advice)
+        else:
+            rate_hz = item.seen.traffic.rate_hz
+            yield Finding("sensors", Level.OK, f"{item.row.name} from {source}, {rate_hz or 0.0:.1f} Hz")
+
+
+def level() -> Iterator[Finding]:
+    """The inertial unit's mounting, by gravity."""
+    from robot_stack.contract import topics
+
+    message = _hear(topics.IMU)
+    if message is None:
+        yield Finding("inertial unit", Level.NOTE, f"not checked: no {topics.IMU.name}", _START)
+        return
+    a = message.linear_acceleration
+    yield level_finding(a.x, a.y, a.z)
+
+
+def level_finding(x: float, y: float, z: float) -> Finding:
+    """x, y, z: acceleration of a robot that stands on level ground, base_link, m/s2."""
+    size = math.hypot(x, y, z)
+    tilt_deg = math.degrees(math.atan2(math.hypot(x, y), z))
+    what = f"gravity is {size:.2f} m/s2, {tilt_deg:.1f} deg from upright"
+    if abs(size - _GRAVITY_MPS2) > _GRAVITY_TOLERANCE_MPS2:
+        return Finding("inertial unit", Level.BAD, what, "the robot must stand; else the unit is defective")
+    if tilt_deg > _LEVEL_DEG:
+        advice = "the robot must stand on level ground; else correct rpy_deg of its driver, or the mount"
+        return Finding("inertial unit", Level.BAD, what, advice)
+    return Finding("inertial unit", Level.OK, what)
+
+
+def display() -> Iterator[Finding]:
+    from robot_stack.contract import topics
+
+    message = _hear(topics.EHMI_STATUS)
+    if message is None:
+        yield Finding("external display", Level.NOTE, f"not checked: no {topics.EHMI_STATUS.name}", _START)
+    elif not message.linked:
+        yield Finding("external display", Level.BAD, "it does not answer", "power, cable, config/ehmi_bridge.yaml")
+    elif message.firmware_fault:
+        yield Finding("external display", Level.BAD, f"it reports {message.firmware_fault}", "docs/ehmi.md")
+    else:
+        yield Finding("external display", Level.OK, f"it shows state {message.acknowledged_state}")
+
+
+# --- 7, 9, 10: screen, map, docks -------------------------------------------------------------------------------------
+
+
+def staff_pin() -> Iterator[Finding]:
+    from robot_stack.ui.params import TouchUiParams
+    from robot_stack.ui.pin import verify_pin
+
+    pin_hash = load(TouchUiParams, "touch_ui").access.pin_hash
+    if not pin_hash:
+        advice = "robot-stack pin, and enter the hash in config/touch_ui.yaml"
+        yield Finding("staff PIN", Level.BAD, "none is set: nobody can log in as staff", advice)
+    elif verify_pin(pin_hash, _PUBLIC_PIN):
+        yield Finding("staff PIN", Level.BAD, "it is the one of the simulation, which is public", "robot-stack pin")
+    else:
+        yield Finding("staff PIN", Level.OK, "set")
+
+
+def self_test() -> Iterator[Finding]:
+    """The guided self test presses every stop, and a person confirms it: the newest one that passed."""
+    from robot_stack.ui.nodes.self_test_file import SelfTestFile
+    from robot_stack.ui.params import TouchUiParams
+    from robot_stack.ui.self_test_record import failed, is_due
+
+    memory, due_h = SelfTestFile().memory, load(TouchUiParams, "touch_ui").self_test.due_h
+    advice = "run it on the page self test of the touch screen; it tests every stop button"
+    if failed(memory):
+        assert memory.last is not None
+        yield Finding("self test", Level.BAD, f"the last one failed, {memory.last.at}, step {memory.last.step}", advice)
+    elif memory.passed is None:
+        yield Finding("self test", Level.BAD, "none has passed: no stop button is tested", advice)
+    elif is_due(memory, datetime.now().timestamp(), due_h):
+        yield Finding("self test", Level.NOTE, f"due: the last one passed at {memory.passed.at}", advice)
+    else:
+        yield Finding("self test", Level.OK, f"passed at {memory.passed.at}, {memory.passed.who}")
+
+
+def site_map() -> Iterator[Finding]:
+    """The map, and that all nodes with a map use the same one."""
+    from robot_stack.core.config import config_dir, read_yaml
+
+    used = {
+        node: str(read_yaml(config_dir() / f"{node}.yaml").get("map", ""))
+        for node in ("ndt_localization", "navigation_controller", "black_box")
+    }
+    used["touch_ui"] = str(read_yaml(config_dir() / "touch_ui.yaml")["pages"]["map"])
+    yield from map_findings(used)
+
+
+def map_findings(used: Mapping[str, str]) -> Iterator[Finding]:
+    """used: the name of the map, empty for none, by node."""
+    from robot_stack.core.site_map import map_checksum
+
+    if len(set(used.values())) > 1:
+        names = ", ".join(f"{node}: {name or 'none'}" for node, name in used.items())
+        yield Finding("map", Level.BAD, f"the nodes use different maps: {names}", "enter the same in all of config/")
+    for name in sorted(set(used.values())):
+        if not name:
+            advice = "robot-stack map teach; without a map the pose drifts with the wheels"
+            yield Finding("map", Level.BAD, "no map is chosen", advice)
+            continue
+        try:
+            yield Finding("map", Level.OK, f"{name}, {map_checksum(name)[:12]}")
+        except ConfigError as error:
+            yield Finding("map", Level.BAD, str(error), "robot-stack map teach, map check; docs/mapping.md")
+
+
+def docks() -> Iterator[Finding]:
+    from robot_stack.core.docks import load_docks
+
+    try:
+        found = load_docks().docks
+    except ConfigError as error:
+        yield Finding("docks", Level.BAD, str(error), "correct config/docks.yaml")
+        return
+    if found:
+        yield Finding("docks", Level.OK, ", ".join(f"{name} ({dock.kind})" for name, dock in found.items()))
+    else:
+        yield Finding("docks", Level.BAD, "none", "measure the boards, enter them in config/docks.yaml")
+
+
+# --- the running stack ------------------------------------------------------------------------------------------------
+
+
+def _hear(row: Any) -> Any:
+    """A message of the running stack; None without one in time."""
+    if running_plan() is None:
+        return None
+    from robot_stack.cli.nodes.operator import Operator
+
+    heard: list[Any] = []
+    with Operator() as operator:
+        operator.subscribe(row, heard.append)
+        operator.wait(lambda: heard, _HEAR_S)
+    return heard[-1] if heard else None

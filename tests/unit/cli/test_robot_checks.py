@@ -1,0 +1,181 @@
+"""doctor --robot: each step of the commissioning guide is found done, or named with what to do."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from robot_stack.cli import robot_checks
+from robot_stack.cli.checks import Finding, Level, examine
+from robot_stack.contract.frames import JOINTS, STEER_AXES
+from robot_stack.core.robot import load_robot
+from robot_stack.ui.nodes.self_test_file import SelfTestFile
+from robot_stack.ui.pin import hash_pin
+from robot_stack.ui.self_test import Verdict
+from robot_stack.ui.self_test_record import Record
+from robot_stack.wmx.api import EngineState
+from robot_stack.wmx.axes import Flag, StatusSnapshot, empty_snapshot
+from tests.support.processes import ROOT
+
+ROBOT = load_robot()
+DAY_S = 86_400.0
+
+
+def levels(findings: list[Finding], check: str) -> list[Level]:
+    return [finding.level for finding in findings if finding.check == check]
+
+
+@pytest.fixture
+def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = shutil.copytree(ROOT / "config", tmp_path / "config")
+    monkeypatch.setenv("ROBOT_STACK_CONFIG", str(folder))
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    return folder
+
+
+def set_in(file: Path, *path: str, value: object) -> None:
+    data = yaml.safe_load(file.read_text())
+    inner = data
+    for key in path[:-1]:
+        inner = inner[key]
+    inner[path[-1]] = value
+    file.write_text(yaml.safe_dump(data))
+
+
+# --- computer and service ---------------------------------------------------------------------------------------------
+
+
+def test_a_group_that_a_driver_needs_is_missing() -> None:
+    drivers = ["xsens_driver", "v4l2_camera_driver", "swerve_controller"]
+    found = list(robot_checks.group_findings(drivers, {"dialout"}))
+    assert [(item.level, item.advice) for item in found] == [
+        (Level.OK, ""),
+        (Level.BAD, "usermod -aG video robot"),
+    ]
+    assert found[0].what == "robot is in the group dialout, for xsens_driver"
+
+
+def test_the_shipped_user_has_the_groups_that_the_profiles_drivers_need() -> None:
+    lines = (ROOT / "launch_scripts" / "robot-stack.sysusers").read_text().splitlines()
+    members = {line.split()[2] for line in lines if line.startswith("m robot ")}
+    profile = yaml.safe_load((ROOT / "config" / "profiles" / "robot.yaml").read_text())["processes"]
+    found = list(robot_checks.group_findings(profile, members))
+    assert found
+    assert all(item.level is Level.OK for item in found)
+
+
+def test_unit_files_are_missing_old_or_current(tmp_path: Path) -> None:
+    current, old = tmp_path / "systemd/system/robot-stack.service", tmp_path / "sysusers.d/robot-stack.conf"
+    for path in (current, old):
+        path.parent.mkdir(parents=True)
+    shutil.copy(ROOT / "launch_scripts" / "robot-stack.service", current)
+    old.write_text("u robot -\n")
+    found = {Path(item.what.split()[0]).name: item.level for item in robot_checks.unit_files(tmp_path)}
+    assert found == {
+        "robot-stack.service": Level.OK,
+        "robot-stack-kiosk.service": Level.BAD,
+        "robot-stack.conf": Level.NOTE,
+    }
+
+
+# --- engine -----------------------------------------------------------------------------------------------------------
+
+
+def snapshot(released: bool = True, **flags: dict[str, int]) -> StatusSnapshot:
+    """A communicating engine with all homes; flags: by row of ``Flag``, then by joint."""
+    empty = empty_snapshot(max(axis.number for axis in ROBOT.axes.values()) + 1)
+    empty.flags[Flag.HOME_DONE] = 1
+    for row, values in flags.items():
+        for joint, value in values.items():
+            empty.flags[Flag[row], ROBOT.axes[joint].number] = value
+    inputs = np.zeros(ROBOT.estop_input_byte + 1, np.uint8)
+    inputs[ROBOT.estop_input_byte] = int(released) << ROBOT.estop_input_bit
+    return replace(empty, engine_state=EngineState.Communicating, inputs=inputs)
+
+
+def test_axes_homes_and_the_stop_input_are_read() -> None:
+    found = list(robot_checks.axis_findings(snapshot(), ROBOT))
+    assert [(item.check, item.level) for item in found] == [("home", Level.OK), ("hardware stop", Level.OK)]
+    steering = JOINTS[STEER_AXES[1]]
+    bad = list(robot_checks.axis_findings(snapshot(released=False, HOME_DONE={steering: 0}), ROBOT))
+    assert [(item.check, item.level) for item in bad] == [("home", Level.BAD), ("hardware stop", Level.BAD)]
+    assert steering in bad[0].what
+    alarm = snapshot(AMP_ALARM={"fl_drive": 1}, AMP_ALARM_CODE={"fl_drive": 0x7500})
+    assert next(iter(robot_checks.axis_findings(alarm, ROBOT))).what == "alarm of fl_drive 0x7500"
+    (silent,) = robot_checks.axis_findings(empty_snapshot(8), ROBOT)
+    assert (silent.check, silent.level) == ("engine", Level.BAD)
+
+
+# --- sensors ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("acceleration", "level"),
+    [
+        ((0.1, -0.2, 9.8), Level.OK),
+        ((1.2, 0.0, 9.7), Level.BAD),  # 7 deg
+        ((0.0, 0.0, -9.8), Level.BAD),  # upside down
+        ((0.0, 0.0, 1.0), Level.BAD),  # in g
+    ],
+)
+def test_the_inertial_unit_stands_upright(acceleration: tuple[float, float, float], level: Level) -> None:
+    assert robot_checks.level_finding(*acceleration).level is level
+
+
+# --- screen, map, docks -----------------------------------------------------------------------------------------------
+
+
+def test_a_staff_pin_is_set_and_not_the_public_one(config: Path) -> None:
+    def found() -> Level:
+        return levels(list(robot_checks.staff_pin()), "staff PIN")[0]
+
+    for pin, level in (("", Level.BAD), ("2468", Level.BAD), ("8642", Level.OK)):
+        set_in(config / "touch_ui.yaml", "access", "pin_hash", value=hash_pin(pin) if pin else "")
+        assert found() is level, pin
+
+
+def test_the_self_test_of_the_stop_buttons_has_passed(config: Path) -> None:
+    def found() -> Level:
+        return levels(list(robot_checks.self_test()), "self test")[0]
+
+    def add(verdict: Verdict, age_s: float) -> None:
+        at_s = datetime.now().timestamp() - age_s
+        SelfTestFile().add(Record(at_s=at_s, at="then", who="staff", verdict=verdict, duration_s=60.0, step="press"))
+
+    assert found() is Level.BAD
+    add(Verdict.PASSED, 60.0 * DAY_S)
+    assert found() is Level.NOTE
+    add(Verdict.PASSED, 60.0)
+    assert found() is Level.OK
+    add(Verdict.FAILED, 30.0)
+    assert found() is Level.BAD
+
+
+def test_the_nodes_use_one_map_that_is_there(config: Path) -> None:
+    assert levels(list(robot_checks.site_map()), "map") == [Level.OK]
+    set_in(config / "navigation_controller.yaml", "map", value="elsewhere")
+    found = list(robot_checks.site_map())
+    assert levels(found, "map") == [Level.BAD, Level.BAD, Level.OK]
+    assert "navigation_controller: elsewhere" in found[0].what
+    assert levels(list(robot_checks.map_findings({"ndt_localization": ""})), "map") == [Level.BAD]
+
+
+def test_docks_are_named(config: Path) -> None:
+    (finding,) = robot_checks.docks()
+    assert (finding.level, finding.what) == (Level.OK, "chair_1 (wheelchair), charger (station)")
+    (config / "docks.yaml").write_text("docks: 5\n")
+    assert levels(list(robot_checks.docks()), "docks") == [Level.BAD]
+
+
+def test_what_needs_a_running_stack_is_not_called_good_without_one(config: Path, ros_domain: int) -> None:
+    found = examine(robot_checks.robot_checks())
+    for check in ("engine", "sensors", "inertial unit", "external display"):
+        assert levels(found, check) == [Level.NOTE], check
+        assert "robot-stack up" in next(item.advice for item in found if item.check == check)
+    assert not [item for item in found if "the check failed" in item.what]
