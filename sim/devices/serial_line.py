@@ -61,7 +61,10 @@ class SerialLine:
             return b""
 
     def wait_read(self) -> bool:
-        """Waits until the host has read all bytes. False, and the bytes are lost, if it does not read."""
+        """Waits until the host has read all bytes. False, and the bytes are lost, if it does not read.
+
+        The kernel hands over what was just sent a little later: call it before the next bytes.
+        """
         if wait_read(self._unread):
             return True
         if self._ends is not None:

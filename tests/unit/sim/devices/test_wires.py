@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import socket
 import struct
 from pathlib import Path
@@ -26,6 +27,7 @@ from sim.devices.udp import ADDRESS, UdpSender, free_port
 from sim.devices.v4l2 import V4l2Camera
 from sim.plant.battery import BatteryReading
 from sim.plant.imu import ImuSample
+from tests.support.waiting import wait_for
 
 SAMPLE = ImuSample(1.25, (0.1, -0.2, 9.8), (0.01, 0.02, -0.03), (0.0, 0.0, 0.6, 0.8))
 READING = BatteryReading(48.5, -3.2, 0.87, 26.0, 24.5, charging=False)
@@ -34,8 +36,13 @@ READING = BatteryReading(48.5, -3.2, 0.87, 26.0, 24.5, charging=False)
 def ask(terminal: int, line: ImuLine) -> None:
     """The driver asks the unit to measure, and reads its answer."""
     os.write(terminal, START)
-    line.send(SAMPLE)
+    wait_for(lambda: line.send(SAMPLE) or has_data(terminal), "the unit's answer")
     assert os.read(terminal, 4096)[2] == GO_TO_MEASUREMENT + 1
+
+
+def has_data(terminal: int) -> bool:
+    """The kernel hands over what is written to a pseudo terminal a little later."""
+    return bool(select.select([terminal], [], [], 0.2)[0])
 
 
 @pytest.fixture
@@ -50,6 +57,7 @@ def test_the_xsens_driver_reads_the_samples_of_the_unit(tmp_path: Path) -> None:
     line.send(SAMPLE)  # not asked to measure yet: nothing is sent
     ask(terminal, line)
     line.send(SAMPLE)
+    wait_for(lambda: has_data(terminal), "a sample")
     (sample,) = unit.received(os.read(terminal, 4096), 100.0)
     os.close(terminal)
     assert sample.stamp_s == pytest.approx(100.0 - 0.002)
@@ -63,24 +71,31 @@ def test_a_host_that_does_not_read_has_to_ask_the_unit_again(tmp_path: Path, imp
     terminal = os.open(tmp_path / "imu", os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK)
     ask(terminal, line)
     line.send(SAMPLE)
+    wait_for(lambda: has_data(terminal), "a sample")
     line.send(SAMPLE)  # the one before was not read
     line.send(SAMPLE)
     with pytest.raises(BlockingIOError):
         os.read(terminal, 4096)
     ask(terminal, line)
     line.send(SAMPLE)
+    wait_for(lambda: has_data(terminal), "a sample")
     assert os.read(terminal, 4096)
     os.close(terminal)
 
 
 def test_the_battery_is_read_by_its_can_adapter(tmp_path: Path) -> None:
     line = BatteryLine(tmp_path / "battery")
-    pack, reading = Pack(load(PylontechDriverParams, "pylontech_driver").pack), None
+    pack = Pack(load(PylontechDriverParams, "pylontech_driver").pack)
     with can.Bus(interface="slcan", channel=str(tmp_path / "battery"), bitrate=500000, sleep_after_open=0.0) as bus:
-        line.send(READING)
-        while (message := bus.recv(0.2)) is not None:
-            pack.received(message.arbitration_id, bytes(message.data), 10.0)
-            reading = pack.reading(10.0) or reading
+
+        def read() -> bool:
+            line.send(READING)
+            while (message := bus.recv(0.02)) is not None:
+                pack.received(message.arbitration_id, bytes(message.data), 10.0)
+            return pack.reading(10.0) is not None
+
+        wait_for(read, "a reading")
+    reading = pack.reading(10.0)
     assert reading is not None
     assert (reading.voltage_v, reading.current_a) == pytest.approx((48.5, -3.2))
     assert (reading.charge, reading.temperature_c) == pytest.approx((0.87, 24.5))
@@ -123,7 +138,10 @@ def test_a_line_that_is_read_waits_for_nothing(tmp_path: Path, impatient: None) 
     assert line.wait_read()  # pulled
     line.plug()
     assert line.wait_read()
+    terminal = os.open(tmp_path / "line", os.O_RDWR | os.O_NOCTTY)
     line.send(b"abc")
+    wait_for(lambda: has_data(terminal), "the bytes")
     assert not line.wait_read()
     assert line.wait_read()  # the bytes were dropped
+    os.close(terminal)
     line.pull()
