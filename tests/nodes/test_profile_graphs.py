@@ -15,7 +15,10 @@ from tests.support.environment import stack_environment
 from tests.support.graph import PEER, assert_graph_is_the_contracts
 
 PROFILES = tuple(sorted(path.stem for path in (config_dir() / "profiles").glob("*.yaml")))
-SIM = "sim"
+SIMULATED_ROBOTS = (
+    "sim",
+    "robot_simulated",
+)  # tests/scenarios/flat/test_graph.py, tests/scenarios/test_robot_profile.py
 WITHOUT_COMMUNICATION = ("general",)  # none of its nodes starts it
 
 
@@ -49,7 +52,7 @@ def running(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Plan]:
             client.stop()
 
 
-@pytest.mark.parametrize("running", [name for name in PROFILES if name != SIM], indirect=True)
+@pytest.mark.parametrize("running", [name for name in PROFILES if name not in SIMULATED_ROBOTS], indirect=True)
 def test_rows_and_the_other_running_profiles_are_the_same(running: Plan) -> None:
     assert running.machine is System.WMX
     assert not running.missing
