@@ -19,6 +19,12 @@ RESET_ODOMETRY = Service(
     "swerve_controller",
     "odom starts again at the identity; refused while moving",
 )
+EDIT_MISSION_QUEUE = Service(
+    "/mission/queue/edit",
+    "custom_msgs/srv/EditMissionQueue",
+    "mission_manager",
+    "adds, removes or moves an order, holds or releases the queue, or changes the destination of the ride",
+)
 INJECT_FAULT = Service(
     "/sim/inject_fault",
     "custom_msgs/srv/InjectFault",

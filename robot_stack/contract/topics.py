@@ -702,6 +702,14 @@ MISSION_STATUS = Topic(
     ("touch_ui", "system_monitor", "ehmi_bridge", OPERATOR_TOOL),
     "state, waypoint, progress, ETA, reason of a refusal",
 )
+MISSION_QUEUE = Topic(
+    "/mission/queue",
+    "custom_msgs/msg/MissionQueue",
+    qos.LATCHED,
+    ("mission_manager",),
+    ("touch_ui", OPERATOR_TOOL),
+    "orders: waiting, under way, ended last; why no order starts",
+)
 UI_HEARTBEAT = Topic(
     "/ui/heartbeat",
     "std_msgs/msg/Header",

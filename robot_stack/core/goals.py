@@ -37,10 +37,11 @@ class SendGoal:
 
 @dataclass(frozen=True, slots=True)
 class NavigationFeedback:
-    """distance_m: along the plan to the goal."""
+    """distance_m: along the plan to the goal. recoveries: such as giving way, since its acceptance."""
 
     call: int
     distance_m: float
+    recoveries: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +62,7 @@ class NavigationGoals:
 
     retry_s: after which an ended goal may be sent again, and a cancellation repeated.
     distance_m: along the plan to the goal, NaN before the first feedback. problem: why navigation aborted it.
+    recoveries: of the goal so far.
     """
 
     def __init__(self, retry_s: float) -> None:
@@ -70,13 +72,14 @@ class NavigationGoals:
         self._again_in_s = math.inf
         self._cancel_in_s = 0.0
         self.distance_m = math.nan
+        self.recoveries = 0
         self.problem = ""
 
     def send(self, pose: Pose2) -> SendGoal:
         """A new goal, which preempts the one before."""
         self._number += 1
         self._open, self._again_in_s, self._cancel_in_s = True, math.inf, 0.0
-        self.distance_m, self.problem = math.nan, ""
+        self.distance_m, self.recoveries, self.problem = math.nan, 0, ""
         return SendGoal(self._number, pose)
 
     def on_event(self, event: NavigationEvent) -> None:
@@ -84,6 +87,7 @@ class NavigationGoals:
         if event.call != self._number:
             return
         if isinstance(event, NavigationFeedback):
+            self.recoveries = event.recoveries
             self.distance_m = event.distance_m if math.isfinite(event.distance_m) else math.nan
             return
         self._open = False

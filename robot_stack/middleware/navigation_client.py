@@ -40,7 +40,7 @@ class NavigationClient:
         """A goal that is not accepted in time ends as UNKNOWN."""
 
     def feedback(self, call: int, feedback: Any) -> None:
-        self._report(NavigationFeedback(call, feedback.distance_remaining))
+        self._report(NavigationFeedback(call, feedback.distance_remaining, feedback.number_of_recoveries))
 
     def ended(self, call: int, status: GoalStatus, result: Any) -> None:
         aborted = status is GoalStatus.ABORTED

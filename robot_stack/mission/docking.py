@@ -64,6 +64,12 @@ def task_of(record: Record, docks: Mapping[str, str]) -> Task | None:
     return Task(current.action.kind, dock_id, docks.get(dock_id, "wheelchair") == "wheelchair")
 
 
+def at_station(record: Record, docks: Mapping[str, str]) -> bool:
+    """True if the mission has docked to a station and has not undocked yet."""
+    done = [stop.action for stop in record.stops[: record.waypoint] if stop.action.kind in (Kind.DOCK, Kind.UNDOCK)]
+    return bool(done) and done[-1].kind is Kind.DOCK and docks.get(done[-1].dock_id) == "station"
+
+
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """How a task ended: ``problem`` is empty if it is done."""

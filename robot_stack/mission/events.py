@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -9,6 +10,7 @@ from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.goals import NavigationEvent, SendGoal
 from robot_stack.core.mission import Kind, Mission
 from robot_stack.core.mission_library import MissionError
+from robot_stack.mission.orders import Operation, Order, QueueReport
 from robot_stack.mission.record import Record
 
 START_MISSION = "START_MISSION"
@@ -36,6 +38,7 @@ class Inputs:
     navigation_text: navigation's status text, for people; not used for decisions.
     charging: the battery is being charged. manual: a person drives, by /teleop/cmd_vel.
     setting_out: navigation or docking is warning people of a start.
+    clock_s: the node's clock, for the earliest times of orders; NaN = unknown.
     """
 
     pose: Pose2 | None
@@ -52,6 +55,7 @@ class Inputs:
     charging: bool = False
     manual: bool = False
     setting_out: bool = False
+    clock_s: float = math.nan
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +75,20 @@ def command(name: str, find: Callable[[], Mission]) -> Command:
         return Command(name, find())
     except MissionError as error:
         return Command(name, problem=str(error))
+
+
+@dataclass(frozen=True, slots=True)
+class EditQueue:
+    """A request to change the queue. ADD and REPLACE carry the order with its mission, or the problem with it.
+
+    order_id: for REMOVE and MOVE. steps: for MOVE, negative = earlier.
+    """
+
+    operation: Operation
+    order: Order | None = None
+    problem: str = ""
+    order_id: str = ""
+    steps: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +143,9 @@ class Tick:
 
 
 DockingEvent = DockingAccepted | DockingFeedback | DockingEnded
-Event = Command | EmergencyStopBegan | PassengerChanged | NavigationEvent | DockingEvent | JournalFailed | Tick
+Event = (
+    Command | EditQueue | EmergencyStopBegan | PassengerChanged | NavigationEvent | DockingEvent | JournalFailed | Tick
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,6 +223,11 @@ class ReportStatus:
     status: Status
 
 
+@dataclass(frozen=True, slots=True)
+class ReportQueue:
+    report: QueueReport
+
+
 Effect = (
     SaveRecord
     | SendGoal
@@ -212,4 +237,5 @@ Effect = (
     | PublishEmergencyStop
     | WarnOfDeparture
     | ReportStatus
+    | ReportQueue
 )

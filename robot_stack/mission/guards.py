@@ -26,6 +26,14 @@ def battery_low(inputs: Inputs, minimum: float) -> str:
     return ""
 
 
+def battery_critical(inputs: Inputs) -> bool:
+    return "BATTERY_CRITICAL" in inputs.faults
+
+
+def lost(inputs: Inputs) -> bool:
+    return "LOCALIZATION_LOST" in inputs.faults
+
+
 def held_by(inputs: Inputs) -> str:
     """Why the robot cannot move at present although the mission is active."""
     if inputs.pose is None:

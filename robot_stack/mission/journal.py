@@ -20,6 +20,8 @@ from pydantic import ValidationError
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import Mission
 from robot_stack.core.runtime import state_dir
+from robot_stack.core.safe_places import SafePlace
+from robot_stack.mission.orders import Order, OrderQueue, OrderState, Origin
 from robot_stack.mission.perform import JournalDamaged, JournalError
 from robot_stack.mission.record import Record, problem_of
 from robot_stack.mission.states import State
@@ -153,6 +155,8 @@ def _to_json(record: Record) -> str:
             "start": [start.x, start.y, start.yaw] if start else None,
             "reason": record.reason,
             "docking_begun": record.docking_begun,
+            "queue": _queue_to_data(record.queue),
+            "safe_place": record.safe_place.model_dump(mode="json") if record.safe_place else None,
         },
         ensure_ascii=False,
     )
@@ -172,6 +176,8 @@ def _from_json(text: str) -> Record:
             start=Pose2(*map(float, start)) if start else None,
             reason=str(data["reason"]),
             docking_begun=bool(data.get("docking_begun", False)),  # journals from before docking have none
+            queue=_queue_from_data(data["queue"]) if "queue" in data else OrderQueue(),  # nor a queue
+            safe_place=SafePlace.model_validate(data["safe_place"]) if data.get("safe_place") else None,
         )
     except ValidationError as error:
         raise _Nonsense(f"its mission is invalid in {error.error_count()} places") from error
@@ -181,6 +187,48 @@ def _from_json(text: str) -> Record:
     if problem:
         raise _Nonsense(f"its record is inconsistent: {problem}")
     return record
+
+
+def _queue_to_data(queue: OrderQueue) -> dict[str, Any]:
+    return {
+        "orders": [_order_to_data(order) for order in queue.orders],
+        "current": _order_to_data(queue.current) if queue.current else None,
+        "ended": [_order_to_data(order) for order in queue.ended],
+        "number": queue.number,
+    }
+
+
+def _queue_from_data(data: dict[str, Any]) -> OrderQueue:
+    return OrderQueue(
+        orders=tuple(map(_order_from_data, data["orders"])),
+        current=_order_from_data(data["current"]) if data["current"] else None,
+        ended=tuple(map(_order_from_data, data["ended"])),
+        number=int(data["number"]),
+    )
+
+
+def _order_to_data(order: Order) -> dict[str, Any]:
+    return {
+        "id": order.id,
+        "mission_id": order.mission_id,
+        "origin": order.origin.value,
+        "priority": order.priority,
+        "earliest_s": order.earliest_s,
+        "state": order.state.value,
+        "mission": order.mission.model_dump(mode="json") if order.mission else None,
+    }
+
+
+def _order_from_data(data: dict[str, Any]) -> Order:
+    return Order(
+        id=str(data["id"]),
+        mission_id=str(data["mission_id"]),
+        origin=Origin(data["origin"]),
+        priority=int(data["priority"]),
+        earliest_s=float(data["earliest_s"]),
+        state=OrderState(data["state"]),
+        mission=Mission.model_validate(data["mission"]) if data["mission"] else None,
+    )
 
 
 def _history_columns(record: Record) -> tuple[str, str, str, bool, str]:

@@ -9,26 +9,41 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from enum import Enum
 
 from robot_stack.core.departure import SETTING_OUT, Departure, DepartureParams
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.goals import NAVIGATION, NavigationGoals
-from robot_stack.core.mission import Kind, docking_problem
-from robot_stack.mission import display, docking, guards, route, status
+from robot_stack.core.mission import Kind, Mission, docking_problem
+from robot_stack.core.safe_places import SafePlaces
+from robot_stack.mission import display, docking, guards, orders, route, status
 from robot_stack.mission import events as ev
 from robot_stack.mission.docking import DockingCalls
 from robot_stack.mission.events import (
     CancelDocking,
     CancelGoal,
+    EditQueue,
     Effect,
     Event,
     Inputs,
     PublishEmergencyStop,
+    ReportQueue,
     SaveRecord,
     WarnOfDeparture,
 )
 from robot_stack.mission.guards import finite
 from robot_stack.mission.leg import Leg
+from robot_stack.mission.orders import (
+    HeldBy,
+    Hold,
+    Operation,
+    Order,
+    OrderState,
+    Origin,
+    QueueAnswer,
+    QueueRefusal,
+    QueueReport,
+)
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.record import Record, restored
 from robot_stack.mission.states import ACTIVE, AT_DOCK, UNDER_WAY, State, Trigger, target_of
@@ -39,17 +54,37 @@ _LONGEST_STEP_S = 1.0
 _LONGEST_NAME = 64
 _BEGIN_DOCKING = {Kind.DOCK: Trigger.DOCK_HERE, Kind.UNDOCK: Trigger.UNDOCK_HERE}
 _RESUME_DOCKING = {Kind.DOCK: Trigger.RESUME_DOCKING, Kind.UNDOCK: Trigger.RESUME_UNDOCKING}
+_ENDED_AS = {
+    State.COMPLETED: OrderState.COMPLETED,
+    State.ABORTED: OrderState.ABORTED,
+    State.FAILED: OrderState.FAILED,
+}
+_HELD_AFTER = {
+    State.ABORTED: HeldBy.MISSION_ABORTED,
+    State.FAILED: HeldBy.MISSION_FAILED,
+    State.STOPPED: HeldBy.EMERGENCY_STOP,
+}
+_CRITICAL = "the battery is critical"
 _NO_SERVER = f"waiting for {NAVIGATION}"
 _EMERGENCY = "emergency stop is active: release it and reset the safety monitor first"
 
 
+class _Asker(Enum):
+    """Who waits for the outcome of an event: if it cannot be journaled, it is undone."""
+
+    NOBODY = 0
+    COMMAND = 1
+    EDIT = 2  # of the queue
+    ORDER = 3  # the start of the next order
+
+
 class MissionKernel:
-    """State machine of one mission at a time.
+    """State machine of one mission at a time, and of the orders that wait for it.
 
     params: tolerances and times. departure: of the warning before the robot sets out.
     record: the record from the journal; an active mission is restored as PAUSED.
     problem: error of the journal, shown as the reason in /mission/status.
-    docks: kind of each dock by its id.
+    docks: kind of each dock by its id. safe_places: where it goes if the battery becomes critical.
     """
 
     def __init__(
@@ -59,9 +94,11 @@ class MissionKernel:
         record: Record | None = None,
         problem: str = "",
         docks: Mapping[str, str] | None = None,
+        safe_places: SafePlaces | None = None,
     ) -> None:
         self._params = params
         self._docks = docks or {}
+        self._safe_places = safe_places or SafePlaces(places=())
         self._calls = DockingCalls(params)
         self._navigation = NavigationGoals(params.goal_retry_s)
         self._planned_s = 0.0  # for which navigation has had a plan while the robot should stand
@@ -76,10 +113,15 @@ class MissionKernel:
         self._held = ""
         self._awake = False  # pose and safety have been known once
         self._journal_problem = problem
-        self._unsaved = False
+        self._unsaved = self._was_unsaved = False
         self._since_retry_s = 0.0
         self._answer = status.Answer()
-        self._answering = False  # a command is being carried out that can still be taken back
+        self._asker = _Asker.NOBODY
+        self._hold = Hold()
+        self._rested_s = 0.0  # since the last mission ended
+        self._lost_s = 0.0  # for which localization has been lost
+        self._reported_queue: QueueReport | None = None
+        self.queue_answer = QueueAnswer()  # to the last EditQueue
         self._asserted = False  # our own last /emergency_stop is true
         self._saw_assertion = False
 
@@ -94,7 +136,7 @@ class MissionKernel:
 
     def start_up(self, inputs: Inputs) -> tuple[Effect, ...]:
         """The effects at start-up: stop, journal the restored state, publish it."""
-        report = self._report(inputs, 0.0, forced=True)
+        report = (*self._report(inputs, 0.0, forced=True), *self._report_queue())
         if self._record.state is not State.PAUSED:
             return report
         # Navigation and docking may still execute goals of a mission manager that crashed.
@@ -104,17 +146,22 @@ class MissionKernel:
         """The effects of ``event``, in order. ``now_s``: steady seconds; a jump either way is harmless."""
         dt_s = self._elapsed(now_s)
         self._departure.elapse(inputs.twist, dt_s)
-        self._answering = isinstance(event, ev.Command) or (self._answering and isinstance(event, ev.JournalFailed))
+        if not isinstance(event, ev.JournalFailed):
+            commanded = _Asker.COMMAND if isinstance(event, ev.Command) else _Asker.NOBODY
+            self._asker = _Asker.EDIT if isinstance(event, EditQueue) else commanded
         effects = self._react(event, inputs, dt_s)
         forced = isinstance(event, (ev.Command, ev.JournalFailed))
         warning = () if self._departure.remaining_s is None else (WarnOfDeparture(self._departure.remaining_s),)
-        return (*effects, *warning, *self._report(inputs, dt_s, forced=forced))
+        return (*effects, *warning, *self._report(inputs, dt_s, forced=forced), *self._report_queue())
 
     def _react(self, event: Event, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         match event:
             case ev.Command():
                 return self._obey(event, inputs)
+            case EditQueue():
+                return self._edit(event, inputs)
             case ev.EmergencyStopBegan():
+                self._hold.hold(HeldBy.EMERGENCY_STOP)
                 return self._emergency_stop()
             case ev.PassengerChanged(attached):
                 return self._passenger(attached)
@@ -149,32 +196,68 @@ class MissionKernel:
                 return self._refuse(f"unknown command; known: {', '.join(ev.COMMANDS)}")
 
     def _start(self, command: ev.Command, inputs: Inputs) -> tuple[Effect, ...]:
-        if target_of(self._record.state, Trigger.START) is None:
-            running = self._record.mission.id if self._record.mission else ""
-            return self._refuse(f"mission {running!r} is {self._record.state.value}; ABORT it first")
         if command.mission is None:
             return self._refuse(command.problem)
-        passenger = self._record.passenger_attached
-        undockable = docking_problem(command.mission, self._docks, passenger)
-        problem = (undockable and undockable[1]) or self._may_not_go(inputs) or self._battery_low(inputs)
+        if target_of(self._record.state, Trigger.START) is None:
+            return self._queue_up(command.mission)
+        problem = self._may_not_start(command.mission, inputs) or self._battery_low(inputs)
         if problem:
             return self._refuse(problem)
-        fresh = Record(self._record.state, command.mission, passenger_attached=passenger, start=finite(inputs.pose))
+        return self._begin(Trigger.START, command.mission, inputs)
+
+    def _queue_up(self, mission: Mission) -> tuple[Effect, ...]:
+        """START_MISSION during a mission. A second touch of the same button is not a second ride."""
+        running = self._record.mission.id if self._record.mission else ""
+        waiting = self._record.queue.orders
+        if mission.id == running:
+            return self._refuse(f"mission {running!r} is {self._record.state.value}; ABORT it first")
+        if waiting and waiting[-1].origin is Origin.UI_COMMAND and waiting[-1].mission_id == mission.id:
+            return self._refuse(f"mission {mission.id!r} is the last in the queue already")
+        try:
+            queue, order = self._record.queue.named(mission)
+            return self._save_queue(queue.added(order))
+        except QueueRefusal as refusal:
+            return self._refuse(str(refusal))
+
+    def _may_not_start(self, mission: Mission, inputs: Inputs) -> str:
+        undockable = docking_problem(mission, self._docks, self._record.passenger_attached)
+        return undockable[1] if undockable else self._may_not_go(inputs)
+
+    def _begin(
+        self, trigger: Trigger, mission: Mission, inputs: Inputs, order: Order | None = None
+    ) -> tuple[Effect, ...]:
+        record = self._record
+        queue = record.queue if order is None else record.queue.begun(order)
+        aboard, start = record.passenger_attached, finite(inputs.pose)
         self._speed = route.MeanSpeed(self._params.eta_speed_time_constant_s)
-        return self._go(Trigger.START, fresh)
+        fresh = Record(record.state, mission, passenger_attached=aboard, start=start, queue=queue)
+        return self._go(trigger, fresh)
 
     def _resume(self, inputs: Inputs) -> tuple[Effect, ...]:
         if target_of(self._record.state, Trigger.RESUME) is None:
             return self._refuse(f"RESUME needs a paused mission, the state is {self._record.state.value}")
-        problem = self._may_not_go(inputs)
+        problem = self._may_not_go(inputs) or self._may_not_resume(inputs)
         if problem:
             return self._refuse(problem)
+        if self._record.safe_place is not None:
+            place = self._record.safe_place if guards.battery_critical(inputs) else None
+            reason = self._record.reason if place else ""
+            return self._go(Trigger.RESUME, replace(self._record, failed_tries=0, safe_place=place), reason)
         task = docking.task_of(self._record, self._docks) if self._record.docking_begun else None
         if task is None:
             return self._go(Trigger.RESUME, replace(self._record, failed_tries=0))
         if task.fulfilled(self._record.passenger_attached):
             return self._next(inputs, Trigger.RESUME, Trigger.RESUME_DONE)
         return self._begin_docking(_RESUME_DOCKING[task.kind])
+
+    def _may_not_resume(self, inputs: Inputs) -> str:
+        if self._record.docking_begun:
+            return ""
+        if guards.lost(inputs):
+            return "localization is lost: set the pose on the map first"
+        if guards.battery_critical(inputs) and self._record.safe_place is None:
+            return f"{_CRITICAL}: charge the robot first"
+        return ""
 
     def _abort(self) -> tuple[Effect, ...]:
         aboard = self._record.passenger_attached
@@ -193,9 +276,9 @@ class MissionKernel:
 
     # --- changes of state --------------------------------------------------------------------------------------------
 
-    def _go(self, trigger: Trigger, record: Record) -> tuple[Effect, ...]:
+    def _go(self, trigger: Trigger, record: Record, reason: str = "") -> tuple[Effect, ...]:
         """Continues to the record's waypoint: journaled first, then the robot starts, after a warning if it is due."""
-        save = self._change(trigger, record, "", goal_due=self._departure.due)
+        save = self._change(trigger, record, reason, goal_due=self._departure.due)
         current = self._record.current
         assert current is not None
         return (save,) if self._leg.goal_due else (save, self._navigation.send(current.pose))
@@ -220,7 +303,7 @@ class MissionKernel:
         target = target_of(self._record.state, trigger)
         assert target is not None, f"{trigger} in {self._record.state}"
         self._before = self._record
-        self._record = replace(record, state=target, reason=reason)
+        self._record = replace(record, state=target, reason=reason, queue=self._queue_in(target, record))
         self._leg = Leg(self._params, goal_due=goal_due)
         self._departure.drop()
         self._held = ""
@@ -228,8 +311,122 @@ class MissionKernel:
 
     def _save(self) -> SaveRecord:
         # Assumed to work until a JournalFailed event.
+        self._was_unsaved = self._unsaved
         self._unsaved, self._journal_problem, self._since_retry_s = False, "", 0.0
         return SaveRecord(self._record)
+
+    # --- orders ------------------------------------------------------------------------------------------------------
+
+    def _edit(self, request: EditQueue, inputs: Inputs) -> tuple[Effect, ...]:
+        try:
+            return self._edited(request, inputs)
+        except QueueRefusal as refusal:
+            self.queue_answer = QueueAnswer(False, str(refusal))
+            return ()
+
+    def _edited(self, request: EditQueue, inputs: Inputs) -> tuple[Effect, ...]:
+        queue = self._record.queue
+        match request.operation:
+            case Operation.ADD | Operation.REPLACE:
+                if request.order is None:
+                    raise QueueRefusal(request.problem)
+                known = queue.checked(request.order)
+                if known is not None and (request.operation is Operation.ADD or known.state is not OrderState.QUEUED):
+                    return self._answer_edit(f"the order {known.id!r} is known, it is {known.state.name}")
+                if request.operation is Operation.REPLACE:
+                    return self._replace_mission(request.order, inputs)
+                queue = queue.added(request.order)
+                self._answer_edit(f"order {request.order.id!r} waits at place {queue.orders.index(request.order) + 1}")
+                return self._save_queue(queue)
+            case Operation.REMOVE:
+                queue = queue.removed(request.order_id)
+                self._answer_edit(f"order {request.order_id!r} is removed")
+                return self._save_queue(queue)
+            case Operation.MOVE:
+                queue = queue.moved(request.order_id, request.steps)
+                place = [order.id for order in queue.orders].index(request.order_id) + 1
+                self._answer_edit(f"order {request.order_id!r} waits at place {place}")
+                return self._save_queue(queue)
+            case Operation.HOLD:
+                self._hold.hold(HeldBy.STAFF)
+                return self._answer_edit(self._hold.reason)
+            case Operation.RELEASE:
+                problem = self._may_not_go(inputs) or self._battery_low(inputs)
+                if problem:
+                    raise QueueRefusal(problem)
+                self._hold.release()
+                return self._answer_edit("orders start one after the other")
+
+    def _answer_edit(self, message: str) -> tuple[Effect, ...]:
+        self.queue_answer = QueueAnswer(True, message)
+        return ()
+
+    def _save_queue(self, queue: orders.OrderQueue) -> tuple[Effect, ...]:
+        self._before = self._record
+        self._record = replace(self._record, queue=queue)
+        return (self._save(),)
+
+    def _replace_mission(self, order: Order, inputs: Inputs) -> tuple[Effect, ...]:
+        """Changes the destination of the ride: the order's mission in place of the present one."""
+        record = self._record
+        if target_of(record.state, Trigger.REPLACE) is None or record.docking_begun:
+            raise QueueRefusal(f"no change of destination while the mission is {record.state.value}")
+        if order.origin is Origin.FLEET and (record.state is State.PAUSED or record.passenger_attached):
+            raise QueueRefusal("the fleet changes neither a paused ride nor that of a passenger")
+        if docking.at_station(record, self._docks):
+            raise QueueRefusal("no change of destination while the robot is docked to a station")
+        assert order.mission is not None
+        problem = self._may_not_start(order.mission, inputs) or self._may_not_resume(inputs)
+        if guards.battery_critical(inputs):
+            problem = f"{_CRITICAL}: charge the robot first"
+        if problem:
+            raise QueueRefusal(problem)
+        self._answer_edit(f"order {order.id!r} is under way")
+        return self._begin(Trigger.REPLACE, order.mission, inputs, order)
+
+    def _queue_in(self, target: State, record: Record) -> orders.OrderQueue:
+        """The queue in a new state of the mission; holds it where a person has to look first."""
+        held = _HELD_AFTER.get(target)
+        if target is State.COMPLETED and record.passenger_attached:
+            held = HeldBy.PASSENGER
+        if held is not None:
+            self._hold.hold(held)
+        ended = _ENDED_AS.get(target)
+        self._rested_s = 0.0
+        return record.queue.finished(ended) if ended is not None else record.queue
+
+    def _watch_queue(self, inputs: Inputs) -> None:
+        """A queue that is held here needs no journal: a restart holds it too."""
+        if self._in_emergency(inputs):
+            self._hold.hold(HeldBy.EMERGENCY_STOP)
+        if self._battery_low(inputs):
+            self._hold.hold(HeldBy.BATTERY_LOW)
+        if inputs.manual and not self.under_way:
+            self._hold.hold(HeldBy.MANUAL)
+
+    def _next_order(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
+        """Starts the next order of a robot that has no mission, unless a person or the safety has to be waited for."""
+        self._rested_s += dt_s
+        order = self._record.queue.due(inputs.clock_s)
+        if order is None or self._hold.by is not HeldBy.NOTHING or self._rested_s < self._params.next_order_after_s:
+            return ()
+        busy = guards.held_in_ride(inputs) or inputs.planned or inputs.setting_out or not inputs.navigation_served
+        if busy or self._unsaved:
+            return ()
+        assert order.mission is not None
+        problem = self._may_not_start(order.mission, inputs)
+        if problem:
+            self._hold.hold(HeldBy.MISSION_FAILED, f"order {order.id!r} cannot start: {problem}")
+            return ()
+        self._asker = _Asker.ORDER
+        return self._begin(Trigger.START, order.mission, inputs, order)
+
+    def _report_queue(self) -> tuple[Effect, ...]:
+        report = QueueReport(self._record.queue, self._hold.by, self._hold.reason)
+        if report == self._reported_queue:
+            return ()
+        self._reported_queue = report
+        return (ReportQueue(report),)
 
     # --- events ------------------------------------------------------------------------------------------------------
 
@@ -243,20 +440,39 @@ class MissionKernel:
         if attached == self._record.passenger_attached:
             return ()
         self._record = replace(self._record, passenger_attached=attached)
+        if attached and self._record.state not in ACTIVE:
+            self._hold.hold(HeldBy.PASSENGER)
         return (self._save(),)
 
     def _journal_failed(self, problem: str) -> tuple[Effect, ...]:
         why = f"the journal cannot be written: {problem}"
-        if self._answering and self.under_way:
-            # Nothing has moved yet, because saving came first: the command is undone.
+        self._reported_queue = None  # the report was dropped with the effects after the save
+        if self._asker is _Asker.EDIT or (self._asker is not _Asker.NOBODY and self._moves_or_queues()):
+            # Nothing has moved yet, because saving came first: the request is undone.
             self._record = replace(self._before, passenger_attached=self._record.passenger_attached)
-            return (*self._refuse(why), *self._calls.drop())
+            self._unsaved = self._was_unsaved
+            return self._undone(why)
         effects: tuple[Effect, ...] = ()
         if self._record.state in UNDER_WAY:
             self._change(Trigger.JOURNAL_LOST, self._record, "paused; RESUME goes on once the journal can be written")
             effects = (CancelGoal(everything=True), *self._calls.drop())
         self._unsaved, self._journal_problem = True, why
         return effects
+
+    def _moves_or_queues(self) -> bool:
+        """The request that was not journaled lets the robot go, or only queues an order."""
+        return self.under_way or self._before.state is self._record.state
+
+    def _undone(self, why: str) -> tuple[Effect, ...]:
+        match self._asker:
+            case _Asker.EDIT:
+                self.queue_answer = QueueAnswer(False, why)
+                return ()
+            case _Asker.ORDER:
+                self._hold.hold(HeldBy.JOURNAL, why)
+                return self._calls.drop()
+            case _:
+                return (*self._refuse(why), *self._calls.drop())
 
     # --- time --------------------------------------------------------------------------------------------------------
 
@@ -265,6 +481,8 @@ class MissionKernel:
         self._announcements.elapse(dt_s)
         if self._departure.moving:
             self._announcements.say()  # from now on it is worth more to show that the robot drives
+        self._watch_queue(inputs)
+        self._lost_s = self._lost_s + dt_s if guards.lost(inputs) else 0.0
         if self._in_emergency(inputs) and target_of(self._record.state, Trigger.EMERGENCY_STOP):
             return (*released, *self._emergency_stop())
         if self._record.state in AT_DOCK:
@@ -280,6 +498,10 @@ class MissionKernel:
         pose, current = finite(inputs.pose), self._record.current
         assert current is not None
         self._held = guards.held_in_ride(inputs)
+        if self._lost_s >= self._params.localization_lost_s:
+            return self._stand(Trigger.LOST, "localization lost: check the pose on the map; RESUME goes on")
+        if guards.battery_critical(inputs) and self._record.safe_place is None:
+            return self._to_safety(inputs)
         if self._leg.goal_due:
             return self._set_out(current.pose, inputs, dt_s)
         if self._departure.due:
@@ -290,7 +512,7 @@ class MissionKernel:
             self._note_motion(pose, inputs, dt_s)
             if self._leg.arrived(inputs, self._record.stops, self._record.waypoint, dt_s):
                 return self._serve(inputs)
-            if not self._held and self._leg.stalls(pose, current.pose, self._navigation.distance_m, dt_s):
+            if not self._held and self._stalls(pose, current.pose, dt_s):
                 return self._try_failed(pose, self._navigation.problem or inputs.navigation_text)
         if not self._navigation.due_again(dt_s):
             return ()
@@ -300,6 +522,21 @@ class MissionKernel:
         self._leg.goal_due = True
         return self._set_out(current.pose, inputs, dt_s)
 
+    def _stalls(self, pose: Pose2, goal: Pose2, dt_s: float) -> bool:
+        return self._leg.stalls(pose, goal, self._navigation.distance_m, self._navigation.recoveries, dt_s)
+
+    def _to_safety(self, inputs: Inputs) -> tuple[Effect, ...]:
+        """The battery is critical: drives to the nearest safe place, or stands where the robot is."""
+        pose = finite(inputs.pose)
+        if pose is None:
+            return ()
+        place = self._safe_places.nearest(pose)
+        if place is None:
+            reason = f"{_CRITICAL} and no safe place is configured; charge the robot, then RESUME goes on"
+            return self._stand(Trigger.NO_SAFE_PLACE, reason)
+        record = replace(self._record, safe_place=place, failed_tries=0)
+        return self._go(Trigger.TO_SAFE_PLACE, record, f"{_CRITICAL}: driving to the safe place {place.name!r}")
+
     def _set_out(self, goal: Pose2, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         if self._held:  # a warning long before the motion has no effect
             self._departure.drop()
@@ -308,7 +545,7 @@ class MissionKernel:
             self._departure.drop()
             self._held = _NO_SERVER
             assert inputs.pose is not None
-            stalls = self._leg.stalls(inputs.pose, goal, math.nan, dt_s)
+            stalls = self._leg.stalls(inputs.pose, goal, math.nan, 0, dt_s)
             return self._try_failed(inputs.pose, f"no {NAVIGATION}") if stalls else ()
         if not self._departure.cleared(dt_s):
             self._held = SETTING_OUT
@@ -325,8 +562,11 @@ class MissionKernel:
 
     def _serve(self, inputs: Inputs) -> tuple[Effect, ...]:
         """The waypoint is reached."""
-        current = self._record.current
+        current, place = self._record.current, self._record.safe_place
         assert current is not None
+        if place is not None:
+            reason = f"{_CRITICAL}: at the safe place {place.name!r}; charge the robot, then RESUME goes on"
+            return self._stand(Trigger.SAFE_PLACE, reason, replace(self._record, safe_place=None))
         if current.action.wait_s > 0.0:
             return (self._change(Trigger.WAIT_HERE, self._record, ""),)
         begin = _BEGIN_DOCKING.get(current.action.kind)
@@ -353,6 +593,8 @@ class MissionKernel:
     def _wait(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         current = self._record.current
         assert current is not None
+        if guards.battery_critical(inputs):
+            return self._to_safety(inputs)
         self._leg.waited_s += dt_s
         return self._next(inputs) if self._leg.waited_s >= current.action.wait_s else ()
 
@@ -391,7 +633,7 @@ class MissionKernel:
     def _rest(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         """In PAUSED and STOPPED the robot does not drive: a goal that navigation still has is cancelled again."""
         if self._record.state not in ACTIVE:
-            return ()
+            return self._next_order(inputs, dt_s)
         self._planned_s = self._planned_s + dt_s if inputs.planned else 0.0
         if self._planned_s < self._params.goal_retry_s:
             return ()

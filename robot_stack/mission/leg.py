@@ -22,6 +22,7 @@ class Leg:
     __slots__ = (
         "_best_m",
         "_params",
+        "_recoveries",
         "_remaining_m",
         "goal_due",
         "settled_s",
@@ -32,6 +33,7 @@ class Leg:
     def __init__(self, params: MissionParams, *, goal_due: bool = False) -> None:
         self._params = params
         self._best_m, self._remaining_m = math.inf, math.nan
+        self._recoveries = 0
         self.settled_s = -1.0
         self.stalled_s = 0.0
         self.waited_s = 0.0
@@ -52,10 +54,14 @@ class Leg:
         self.settled_s = 0.0 if self.settled_s < 0.0 else self.settled_s + dt_s
         return self.settled_s >= self._params.settle_s
 
-    def stalls(self, pose: Pose2, goal: Pose2, distance_m: float, dt_s: float) -> bool:
+    def stalls(self, pose: Pose2, goal: Pose2, distance_m: float, recoveries: int, dt_s: float) -> bool:
         """True once the robot has not come nearer, along its plan, for progress_timeout_s. Call only while it may
-        move. distance_m: length left of the plan, NaN if unknown.
+        move. distance_m: length left of the plan, NaN if unknown. recoveries: of navigation; each, of which navigation
+        limits the number, starts the time again, because the robot makes room for a person instead of coming nearer.
         """
+        if recoveries > self._recoveries:
+            self.stalled_s = 0.0
+        self._recoveries = recoveries
         remaining_m = route.effort_m(pose, goal, distance_m, self._params)
         if abs(remaining_m - self._remaining_m) > _NEW_PLAN_M:
             # A larger step than the robot can move is a new plan or pose: neither progress nor loss.

@@ -22,7 +22,8 @@ class MissionParams(Config):
     pass_position_tolerance_m: Annotated[float, Field(gt=0.0, le=5.0)]
     pass_yaw_tolerance_rad: Annotated[float, Field(gt=0.0, le=3.2)]
     tries: Annotated[int, Field(ge=1, le=20)]
-    progress_timeout_s: Annotated[float, Field(ge=1.0, le=600.0)]
+    progress_timeout_s: Annotated[float, Field(ge=0.0, le=600.0)]
+    progress_reserve_s: Annotated[float, Field(ge=1.0, le=60.0)]
     progress_min_m: Annotated[float, Field(gt=0.0, le=1.0)]
     yaw_weight_m_per_rad: Positive
     goal_retry_s: Annotated[float, Field(ge=0.2, le=60.0)]
@@ -33,6 +34,8 @@ class MissionParams(Config):
     shown_waiting_after_s: Annotated[float, Field(gt=0.0, le=10.0)]
     announcement_s: Annotated[float, Field(ge=0.0, le=60.0)]
     eta_speed_time_constant_s: Positive
+    next_order_after_s: Annotated[float, Field(ge=0.0, le=600.0)]
+    localization_lost_s: Annotated[float, Field(ge=1.0, le=600.0)]
     minimum_battery: Annotated[float, Field(ge=0.0, le=1.0)]
     home_radius_m: Positive
     language: Literal["en", "ja", "zh"]
@@ -40,6 +43,11 @@ class MissionParams(Config):
     missions_folder: str
     own_missions_folder: str
     journal_file: str
+
+    def with_waits(self, longest_wait_s: float) -> MissionParams:
+        """With a progress_timeout_s that outlasts navigation's longest wait, unless one is set."""
+        timeout_s = self.progress_timeout_s or longest_wait_s + self.progress_reserve_s
+        return self.model_copy(update={"progress_timeout_s": timeout_s})
 
     @model_validator(mode="after")
     def _passing_is_looser(self) -> MissionParams:

@@ -14,6 +14,7 @@ from robot_stack.mission.events import (
     Inputs,
     JournalFailed,
     PublishEmergencyStop,
+    ReportQueue,
     ReportStatus,
     SaveRecord,
     StartDocking,
@@ -21,6 +22,7 @@ from robot_stack.mission.events import (
     WarnOfDeparture,
 )
 from robot_stack.mission.kernel import MissionKernel
+from robot_stack.mission.orders import QueueReport
 from robot_stack.mission.record import Record
 
 
@@ -54,6 +56,7 @@ class Outputs(Protocol):
     def publish_emergency_stop(self, active: bool) -> None: ...
     def warn_of_departure(self, remaining_s: float) -> None: ...
     def publish_status(self, status: Status) -> None: ...
+    def publish_queue(self, report: QueueReport) -> None: ...
 
 
 class Performer:
@@ -93,6 +96,8 @@ class Performer:
                     self._outputs.warn_of_departure(remaining_s)
                 case ReportStatus(status):
                     self._outputs.publish_status(status)
+                case ReportQueue(report):
+                    self._outputs.publish_queue(report)
 
 
 def load_record(journal: Journal) -> tuple[Record, str]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from robot_stack.core.geometry import Pose2
-from robot_stack.core.mission import Action, Kind, Mission, Waypoint
+from robot_stack.core.mission import Action, Kind, Mission, Spot, Waypoint
+from robot_stack.core.safe_places import SafePlace
+from robot_stack.mission.orders import EMPTY_QUEUE, OrderQueue, problem_of_queue
 from robot_stack.mission.states import ACTIVE, State, Trigger, target_of
 
 HOME_NAME = "home"
@@ -23,6 +25,8 @@ class Record:
     start: pose at which the mission was started, map frame; None until a pose was known.
     reason: cause of the state, for people.
     docking_begun: the docking or undocking of this waypoint was begun and has not succeeded.
+    queue: orders that wait, that of the mission, and the last ones.
+    safe_place: where the robot drives instead because the battery is critical.
     """
 
     state: State = State.IDLE
@@ -34,22 +38,27 @@ class Record:
     start: Pose2 | None = None
     reason: str = ""
     docking_begun: bool = False
+    queue: OrderQueue = EMPTY_QUEUE
+    safe_place: SafePlace | None = None
 
     @property
     def stops(self) -> tuple[Waypoint, ...]:
-        """The mission's waypoints, and home as the last if the robot is sent there."""
+        """The mission's waypoints, and home or a safe place as the last if the robot is sent there."""
         if self.mission is None:
             return ()
-        if not self.homeward:
-            return self.mission.waypoints
-        home = self.mission.home
-        action = Action.model_validate(Kind.PARK.value)
-        return (*self.mission.waypoints, Waypoint(x=home.x, y=home.y, yaw=home.yaw, name=HOME_NAME, action=action))
+        waypoints = self.mission.waypoints
+        if self.safe_place is not None:
+            return (*waypoints[: self.waypoint], _parking(self.safe_place, self.safe_place.name))
+        return (*waypoints, _parking(self.mission.home, HOME_NAME)) if self.homeward else waypoints
 
     @property
     def current(self) -> Waypoint | None:
         """The waypoint being driven to or served."""
         return self.stops[self.waypoint] if self.waypoint < len(self.stops) else None
+
+
+def _parking(spot: Spot, name: str) -> Waypoint:
+    return Waypoint(x=spot.x, y=spot.y, yaw=spot.yaw, name=name, action=Action.model_validate(Kind.PARK.value))
 
 
 def problem_of(record: Record) -> str:
@@ -63,13 +72,13 @@ def problem_of(record: Record) -> str:
         return f"state {record.state.value} at a waypoint that does not ask to {served.value}"
     if record.start is not None and not record.start.is_finite():
         return "start pose is not finite"
-    return ""
+    return problem_of_queue(record.queue, record.state in ACTIVE)
 
 
 def restored(record: Record) -> Record:
     """The record after a restart: an active mission becomes PAUSED, one that ended is dropped."""
     if record.state not in ACTIVE:
-        return Record(passenger_attached=record.passenger_attached)
+        return Record(passenger_attached=record.passenger_attached, queue=record.queue)
     target = target_of(State.IDLE, Trigger.RESTORED)
     assert target is not None
     name = record.current.name if record.current else ""

@@ -49,6 +49,11 @@ class Trigger(Enum):
     DOCKING_FAILED = "docking or undocking failed"
     JOURNAL_LOST = "journal cannot be written"
     RESTORED = "restart with a mission in the journal"
+    REPLACE = "change of destination"
+    TO_SAFE_PLACE = "battery critical, a safe place is configured"
+    SAFE_PLACE = "safe place reached"
+    NO_SAFE_PLACE = "battery critical, no safe place is configured"
+    LOST = "localization lost for longer than localization_lost_s"
 
 
 _ENDED = (State.IDLE, State.COMPLETED, State.ABORTED, State.FAILED)
@@ -75,6 +80,11 @@ TRANSITIONS: tuple[Transition[State, Trigger], ...] = (
     *rows(_DOCKING, Trigger.DOCKING_FAILED, State.FAILED),
     *rows(_MOVING, Trigger.JOURNAL_LOST, State.PAUSED),
     *rows((State.IDLE,), Trigger.RESTORED, State.PAUSED),
+    *rows((State.RUNNING, State.WAITING, State.PAUSED), Trigger.REPLACE, State.RUNNING),
+    *rows((State.RUNNING, State.WAITING), Trigger.TO_SAFE_PLACE, State.RUNNING),
+    *rows((State.RUNNING,), Trigger.SAFE_PLACE, State.PAUSED),
+    *rows((State.RUNNING, State.WAITING), Trigger.NO_SAFE_PLACE, State.PAUSED),
+    *rows((State.RUNNING,), Trigger.LOST, State.PAUSED),
 )
 
 _TABLE = table_of(TRANSITIONS)

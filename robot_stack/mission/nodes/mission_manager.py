@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool, String
 
 from custom_msgs.msg import UICommand
-from robot_stack.contract import topics
+from robot_stack.contract import services, topics
 from robot_stack.contract.display import Display
 from robot_stack.core.config import load
 from robot_stack.core.departure import DepartureParams
 from robot_stack.core.docks import load_docks
 from robot_stack.core.mission_library import mission_library
+from robot_stack.core.navigation_waits import load_navigation_waits
+from robot_stack.core.safe_places import SafePlaces
 from robot_stack.middleware.conversions import pose_from_msg, twist_from_msg
 from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.navigation_client import NavigationClient
@@ -23,6 +26,7 @@ from robot_stack.mission.journal import SqliteJournal, journal_path
 from robot_stack.mission.kernel import MissionKernel
 from robot_stack.mission.nodes.docking_client import DockingClient
 from robot_stack.mission.nodes.outputs import MissionOutputs
+from robot_stack.mission.nodes.queue_messages import request_of
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.perform import Performer, load_record
 
@@ -51,10 +55,18 @@ class MissionManagerNode(StackNode):
         if problem:
             self.get_logger().error(problem)
         docks = {name: dock.kind for name, dock in load_docks().docks.items()}
-        self._kernel = MissionKernel(self.params, load(DepartureParams, "departure"), record, problem, docks)
+        self._kernel = MissionKernel(
+            self.params.with_waits(load_navigation_waits().longest_s),
+            load(DepartureParams, "departure"),
+            record,
+            problem,
+            docks,
+            load(SafePlaces, "safe_places"),
+        )
         self._performer = Performer(self._kernel, self._journal, self._outputs)
         self._performer.start_up(self._inputs(), self.steady_s())
         self.subscribe(topics.UI_COMMAND, self._on_command)
+        self.serve(services.EDIT_MISSION_QUEUE, self._on_edit)
         self.subscribe(topics.UI_LANGUAGE, self._on_language)
         self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
         self.every(self.params.tick_rate_hz, self._tick)
@@ -63,6 +75,16 @@ class MissionManagerNode(StackNode):
 
     def _on_command(self, message: UICommand) -> None:
         self._handle(ev.command(message.command_type, lambda: self._library.find(message.mission_id)))
+
+    def _on_edit(self, request: Any, response: Any) -> Any:
+        event = request_of(request, self._library.find)
+        if isinstance(event, str):
+            response.success, response.message = False, event
+            return response
+        self._handle(event)
+        answer = self._kernel.queue_answer
+        response.success, response.message = answer.success, answer.message
+        return response
 
     def _on_language(self, message: String) -> None:
         self._outputs.set_language(message.data)
@@ -107,6 +129,7 @@ class MissionManagerNode(StackNode):
             charging=self._battery.fresh() and self._battery.latest.power_supply_status == _CHARGING,
             manual=self._teleop.fresh(),
             setting_out=self._motion_warnings.active,
+            clock_s=self.now_s(),
         )
 
     def _charge(self) -> float:

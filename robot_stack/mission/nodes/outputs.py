@@ -14,6 +14,8 @@ from robot_stack.middleware.node import StackNode
 from robot_stack.mission.display import usable_language
 from robot_stack.mission.events import Status
 from robot_stack.mission.nodes.docking_client import DockingClient
+from robot_stack.mission.nodes.queue_messages import report_message
+from robot_stack.mission.orders import QueueReport
 from robot_stack.mission.params import MissionParams
 
 
@@ -31,6 +33,7 @@ class MissionOutputs:
         self._node, self._params, self._navigation = node, params, navigation
         self._docking, self._motion_warnings = docking, motion_warnings
         self._status = node.advertise(topics.MISSION_STATUS)
+        self._queue = node.advertise(topics.MISSION_QUEUE)
         self._goal = node.advertise(topics.GOAL_POSE)
         self._stop = node.emergency_stop_source(until_latched=True)
         self._ehmi = node.advertise(topics.EHMI_STATE_COMMAND)
@@ -86,6 +89,9 @@ class MissionOutputs:
         self.reason = status.reason
         if status.display != self._display:
             self.show(status.display)
+
+    def publish_queue(self, report: QueueReport) -> None:
+        self._queue.publish(report_message(report, self._node.stamp()))
 
     def set_language(self, requested: str) -> None:
         """Of the external display, at once, and of mission names. An unknown one is ignored."""

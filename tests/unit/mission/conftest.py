@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -11,8 +12,11 @@ from robot_stack.core.departure import DepartureParams
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.goals import GoalStatus, NavigationEnded, NavigationFeedback, SendGoal
 from robot_stack.core.mission import Kind, Mission
+from robot_stack.core.navigation_waits import load_navigation_waits
+from robot_stack.core.safe_places import SafePlaces
 from robot_stack.mission import events as ev
 from robot_stack.mission.kernel import MissionKernel
+from robot_stack.mission.orders import Operation, Order, Origin, QueueReport
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.perform import JournalError, Performer
 from robot_stack.mission.record import Record
@@ -22,6 +26,18 @@ TICK_S = 0.1
 DEPARTURE = load(DepartureParams, "departure")
 DOCKS = {"chair_1": "wheelchair", "charger": "station"}
 STILL = Twist2(0.0, 0.0, 0.0)
+# The node's clock, unlike the steady time of a story: it stands still unless a test sets it.
+CLOCK_S = 1_700_000_000.0
+
+
+def warnings_of(params: MissionParams) -> int:
+    """The most departure warnings in one try: navigation may go on by itself only while none is due."""
+    return 1 + math.ceil(params.progress_timeout_s / DEPARTURE.after_s)
+
+
+def load_params() -> MissionParams:
+    """As the node has them."""
+    return load(MissionParams, "mission_manager").with_waits(load_navigation_waits().longest_s)
 
 
 def make_mission(*actions, mission_id="ride", home=(0.0, 0.0, 0.0)) -> Mission:
@@ -56,16 +72,19 @@ class MemoryJournal:
 class Story:
     """One mission manager in fake time. Methods that change something return the story."""
 
-    def __init__(self, params: MissionParams, record: Record | None = None, problem: str = "") -> None:
+    def __init__(self, params: MissionParams, record: Record | None = None, problem: str = "", safe_places=()) -> None:
         self.params = params
         self.journal = MemoryJournal(record)
-        self.kernel = MissionKernel(params, DEPARTURE, record, problem, DOCKS)
+        self.kernel = MissionKernel(params, DEPARTURE, record, problem, DOCKS, SafePlaces(places=safe_places))
         self.performer = Performer(self.kernel, self.journal, self)
         self.now_s = 1000.0
-        self.inputs = ev.Inputs(Pose2(0.0, 0.0, 0.0), STILL, False, True, (), 0.8, False, True, True, "IDLE")
+        self.inputs = ev.Inputs(
+            Pose2(0.0, 0.0, 0.0), STILL, False, True, (), 0.8, False, True, True, "IDLE", clock_s=CLOCK_S
+        )
         self.log: list[object] = []
         self.warnings: list[float] = []  # published seconds until departure
         self.statuses: list[ev.Status] = []
+        self.queues: list[QueueReport] = []
         self.goal: Pose2 | None = None  # that was sent and not cancelled
         self.goal_call = 0  # the number of the newest goal
         self.call: int | None = None  # the docking goal that was sent and not cancelled
@@ -97,6 +116,9 @@ class Story:
     def publish_status(self, status: ev.Status) -> None:
         self.statuses.append(status)
 
+    def publish_queue(self, report: QueueReport) -> None:
+        self.queues.append(report)
+
     # inputs
     def happens(self, event: ev.Event) -> Story:
         self.performer.handle(event, self.inputs, self.now_s)
@@ -117,7 +139,7 @@ class Story:
     def stall(self) -> Story:
         """Stands still until one more try has failed. Departure warnings are not part of the try."""
         failed, params = self.kernel.record.failed_tries, self.params
-        end_s = self.now_s + params.progress_timeout_s + 2.0 * (DEPARTURE.warning_s + 3 * TICK_S)
+        end_s = self.now_s + params.progress_timeout_s + warnings_of(params) * (DEPARTURE.warning_s + 3 * TICK_S)
         while self.kernel.record.failed_tries == failed:
             assert self.now_s < end_s, "no try failed"
             self.tick()
@@ -143,9 +165,9 @@ class Story:
         """Stands at x until the waypoint counts as reached."""
         return self.at(x).tick(self.params.settle_s + 2 * TICK_S)
 
-    def drives(self, distance_m: float) -> Story:
+    def drives(self, distance_m: float, recoveries: int = 0) -> Story:
         """Navigation's feedback: the length left of its plan."""
-        return self.happens(NavigationFeedback(self.goal_call, distance_m))
+        return self.happens(NavigationFeedback(self.goal_call, distance_m, recoveries))
 
     def aborts(self, code: int = 104, reason: str = "gave up") -> Story:
         """Navigation ends the goal."""
@@ -158,6 +180,26 @@ class Story:
     def emergency(self, active: bool) -> Story:
         self.given(emergency_stop=active)
         return self.happens(ev.EmergencyStopBegan()) if active else self.tick()
+
+    # orders
+    def edit(self, operation: Operation, order: Order | None = None, **fields) -> Story:
+        return self.happens(ev.EditQueue(operation, order, **fields))
+
+    def order(self, order_id: str, *actions, mission_id: str = "ride", operation=Operation.ADD, **fields) -> Story:
+        mission = make_mission(*actions, mission_id=mission_id)
+        origin = fields.pop("origin", Origin.FLEET)
+        return self.edit(operation, Order(order_id, mission_id, origin, mission=mission, **fields))
+
+    def waiting(self) -> list[str]:
+        """The ids of the orders that wait."""
+        return [order.id for order in self.kernel.record.queue.orders]
+
+    def finishes(self) -> Story:
+        """Reaches every waypoint left, until the mission has ended, and leaves the last one."""
+        while self.state is State.RUNNING:
+            assert self.kernel.record.current is not None
+            self.at(self.kernel.record.current.x).tick(1.0)
+        return self.at(0.0)  # away from the waypoints of the next order
 
     # state
     @property
@@ -217,7 +259,7 @@ class DockStory(Story):
 
 @pytest.fixture
 def params() -> MissionParams:
-    return load(MissionParams, "mission_manager")
+    return load_params()
 
 
 @pytest.fixture

@@ -17,7 +17,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_stack.core.geometry import Pose2
-from robot_stack.mission.journal import SqliteJournal, journal_path, read_history
+from robot_stack.core.safe_places import SafePlace
+from robot_stack.mission.journal import SqliteJournal, _order_to_data, _queue_to_data, journal_path, read_history
+from robot_stack.mission.orders import Order, OrderQueue, OrderState, Origin
 from robot_stack.mission.perform import JournalDamaged, JournalError, load_record
 from robot_stack.mission.record import Record
 from robot_stack.mission.states import AT_DOCK, State
@@ -25,7 +27,19 @@ from robot_stack.mission.states import AT_DOCK, State
 from .conftest import make_mission
 
 RIDE = make_mission("pass", {"wait": 2.5}, {"dock": "椅子_1"}, "undock", "park")
-FULL = Record(State.WAITING, RIDE, 1, 2, True, True, Pose2(1.0, -2.0, 0.5), "because; 理由")
+QUEUE = OrderQueue(
+    orders=(
+        Order("注文 1", "ride", Origin.FLEET, 200, 1.7e9, mission=RIDE),
+        Order("b", "ride", Origin.CLI, mission=RIDE),
+    ),
+    current=Order("a", "ride", Origin.TOUCH_SCREEN, state=OrderState.UNDER_WAY),
+    ended=(Order("z", "hop", Origin.UI_COMMAND, 0, state=OrderState.REMOVED),),
+    number=7,
+)
+PLACE = SafePlace(name="base", x=1.0, y=2.0, yaw=0.5)
+FULL = Record(
+    State.WAITING, RIDE, 1, 2, True, True, Pose2(1.0, -2.0, 0.5), "because; 理由", queue=QUEUE, safe_place=PLACE
+)
 
 
 @pytest.fixture
@@ -78,6 +92,15 @@ def test_every_record_comes_back_as_it_was(tmp_path_factory, record):
     assert reopened(path) == record
 
 
+def test_a_journal_from_before_the_queue_is_read(path):
+    save(path, FULL)
+    with closing(sqlite3.connect(path)) as connection, connection:
+        data = json.loads(connection.execute("SELECT record FROM current").fetchone()[0])
+        del data["queue"], data["safe_place"]
+        connection.execute("UPDATE current SET record = ?", (json.dumps(data),))
+    assert reopened(path) == replace(FULL, queue=OrderQueue(), safe_place=None)
+
+
 def test_it_is_written_through_to_the_disk(path):
     journal = SqliteJournal(path)
     journal.save(FULL)
@@ -89,7 +112,7 @@ def test_it_is_written_through_to_the_disk(path):
 def test_history_returns_latest_records_in_order(path):
     journal = SqliteJournal(path)
     for state in (State.RUNNING, State.PAUSED, State.ABORTED):
-        journal.save(replace(FULL, state=state, reason=f"why {state.value}"))
+        journal.save(replace(FULL, state=state, reason=f"why {state.value}", safe_place=None))
     rows = read_history(path, 2)
     assert [row[1:] for row in rows] == [
         ("PAUSED", "ride", "w1", True, "why PAUSED"),
@@ -170,6 +193,12 @@ DAMAGES = {
     "waypoint negative": with_record(waypoint=-1),
     "start not finite": with_record(start=[float("nan"), 0.0, 0.0]),
     "start too short": with_record(start=[0.0]),
+    "queue without its parts": with_record(queue={"orders": []}),
+    "order without its mission": with_record(
+        queue={**_queue_to_data(QUEUE), "orders": [_order_to_data(QUEUE.ended[0])]}
+    ),
+    "two orders with one id": with_record(queue={**_queue_to_data(QUEUE), "ended": [_order_to_data(QUEUE.current)]}),
+    "safe place without a pose": with_record(safe_place={"name": "base"}),
 }
 
 
@@ -286,12 +315,14 @@ import itertools, sys
 from dataclasses import replace
 from pathlib import Path
 from robot_stack.mission.journal import SqliteJournal
+from robot_stack.mission.orders import Order, OrderQueue, Origin
 from robot_stack.mission.record import Record
 from robot_stack.mission.states import State
 from tests.unit.mission.test_mission_journal import RIDE
 journal = SqliteJournal(Path(sys.argv[1]))
 for number in itertools.count():
-    record = Record(State.RUNNING, RIDE, number % 5, number, False, True, None, f"{number} " * 200)
+    queue = OrderQueue((Order(f"order {number}", "ride", Origin.FLEET, mission=RIDE),), number=number)
+    record = Record(State.RUNNING, RIDE, number % 5, number, False, True, None, f"{number} " * 200, queue=queue)
     journal.save(record)
     print(number, flush=True)
 """
@@ -316,6 +347,7 @@ def test_a_process_killed_while_it_writes_loses_nothing_it_has_saved(path):
         assert record.failed_tries in (told[-1], told[-1] + 1)
         assert record.reason == f"{record.failed_tries} " * 200
         assert record.waypoint == record.failed_tries % 5
+        assert [order.id for order in record.queue.orders] == [f"order {record.failed_tries}"]
         assert record.passenger_attached
         assert record.mission == RIDE
 

@@ -5,18 +5,18 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_stack.core.config import load
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.goals import GoalStatus, NavigationEnded, NavigationFeedback, SendGoal
 from robot_stack.core.mission import Kind
+from robot_stack.core.safe_places import SafePlace
 from robot_stack.mission import events as ev
-from robot_stack.mission.params import MissionParams
+from robot_stack.mission.orders import HeldBy, Operation, Order, Origin
 from robot_stack.mission.record import problem_of
 from robot_stack.mission.states import ACTIVE, AT_DOCK, UNDER_WAY, State, Trigger, target_of
 
-from .conftest import Story, make_mission
+from .conftest import Story, load_params, make_mission
 
-PARAMS = load(MissionParams, "mission_manager")
+PARAMS = load_params()
 DOCK = {"dock": "chair_1"}
 MISSIONS = [
     make_mission("pass", {"wait": 0.3}, "park"),
@@ -29,7 +29,16 @@ MISSIONS = [
 coordinates = st.sampled_from([0.0, 1.6, 2.0, 4.0, 6.0, float("nan"), float("inf"), -1e9])
 poses = st.none() | st.builds(Pose2, coordinates, st.just(0.0), st.sampled_from([0.0, 3.0, float("nan")]))
 twists = st.none() | st.builds(Twist2, st.sampled_from([0.0, 1.0, float("nan")]), st.just(0.0), st.just(0.0))
-faults = st.sampled_from([(), ("COLLISION_IMMINENT",), ("BATTERY_LOW",), ("NOT_A_FAULT",)])
+faults = st.sampled_from(
+    [
+        (),
+        ("COLLISION_IMMINENT",),
+        ("BATTERY_LOW",),
+        ("BATTERY_LOW", "BATTERY_CRITICAL"),
+        ("LOCALIZATION_LOST",),
+        ("NOT_A_FAULT",),
+    ]
+)
 changes = st.one_of(
     st.fixed_dictionaries({"pose": poses, "twist": twists}),
     st.fixed_dictionaries({"emergency_stop": st.booleans()}),
@@ -48,13 +57,31 @@ docking = st.one_of(
     st.builds(ev.DockingEnded, calls, st.booleans(), st.sampled_from(["", "why"]), st.booleans()),
 )
 navigation = st.one_of(
-    st.builds(NavigationFeedback, calls, st.sampled_from([0.0, 1.0, 9.0, float("nan"), float("inf")])),
+    st.builds(
+        NavigationFeedback, calls, st.sampled_from([0.0, 1.0, 9.0, float("nan"), float("inf")]), st.integers(0, 3)
+    ),
     st.builds(NavigationEnded, calls, st.sampled_from(GoalStatus), st.sampled_from([0, 104, 208]), st.just("why")),
 )
 names = st.sampled_from([*ev.COMMANDS, "", "fly"])
 commands = st.builds(ev.Command, names, st.sampled_from(MISSIONS), st.just("unknown"))
+missions = st.sampled_from([mission for mission in MISSIONS if mission is not None])
+orders = st.builds(
+    lambda number, mission, priority: Order(f"order_{number}", "ride", Origin.FLEET, priority, mission=mission),
+    st.integers(0, 5),
+    missions,
+    st.integers(99, 101),
+)
+requests = st.builds(
+    ev.EditQueue,
+    st.sampled_from(Operation),
+    orders,
+    order_id=st.integers(0, 5).map("order_{}".format),
+    steps=st.integers(-2, 2),
+)
 happenings = st.one_of(
     commands,
+    requests,
+    st.just(ev.EditQueue(Operation.RELEASE)),
     st.builds(ev.EmergencyStopBegan),
     navigation,
     st.builds(ev.PassengerChanged, st.booleans()),
@@ -118,7 +145,7 @@ openings = st.sampled_from([lambda story: None, at_dock, at_undock])
 @settings(max_examples=300, deadline=None)
 @given(openings, steps)
 def test_no_goal_without_a_running_mission(opening, script):
-    story = Watched(PARAMS)
+    story = Watched(PARAMS, None, "", (SafePlace(name="base", x=3.0, y=0.0, yaw=0.0),))
     opening(story)
     for dt_s, change, event, problem in script:
         story.now_s += dt_s
@@ -154,6 +181,8 @@ def test_power_loss_at_any_moment_comes_back_standing(opening, script, cut):
     assert again.call is None
     assert again.state is (State.PAUSED if kept.state in ACTIVE else State.IDLE)
     assert again.kernel.record.passenger_attached == kept.passenger_attached
+    assert again.kernel.record.queue == kept.queue
+    assert again.queues[-1].held_by is HeldBy.RESTART
     if again.state is State.PAUSED:
         assert (again.kernel.record.mission, again.kernel.record.waypoint) == (kept.mission, kept.waypoint)
 
@@ -173,3 +202,26 @@ def test_what_is_told_is_in_range(opening, script):
         assert 0 <= status.waypoints_completed <= status.total_waypoints <= 255
         assert status.state in {"IDLE", "RUNNING", "WAITING", "PAUSED", "COMPLETED", "ABORTED", "FAILED"}
         assert status.last_command_accepted or not status.last_command or "refused" in status.reason
+
+
+@settings(max_examples=200, deadline=None)
+@given(openings, steps, st.integers(0, 59))
+def test_an_order_that_was_accepted_is_known_after_a_power_loss(opening, script, cut):
+    """Whatever happened to it since; a change that was refused left the queue as it was."""
+    story = Story(PARAMS)
+    opening(story)
+    accepted: set[str] = set()
+    for dt_s, change, event, problem in script[:cut]:
+        story.now_s += dt_s
+        story.journal.problem = problem
+        before = story.kernel.record.queue
+        story.given(**(change or {})).happens(event)
+        if not isinstance(event, ev.EditQueue):
+            continue
+        if not story.kernel.queue_answer.success:
+            assert story.kernel.record.queue == before
+        elif event.operation in (Operation.ADD, Operation.REPLACE):
+            assert event.order is not None
+            accepted.add(event.order.id)
+    kept = Story(PARAMS, story.journal.load()).kernel.record.queue
+    assert all(kept.known(order_id) is not None for order_id in accepted)

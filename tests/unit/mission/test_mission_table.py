@@ -6,8 +6,10 @@ from collections.abc import Callable
 
 import pytest
 
+from robot_stack.core.safe_places import SafePlace
 from robot_stack.core.transitions import Transition
 from robot_stack.mission import events as ev
+from robot_stack.mission.orders import Operation, Origin
 from robot_stack.mission.record import Record
 from robot_stack.mission.states import TRANSITIONS, State, Trigger
 
@@ -15,6 +17,7 @@ from .conftest import DockStory, make_mission
 
 DOCK = {"dock": "chair_1"}
 WAIT = {"wait": 2.0}
+BASE = SafePlace(name="base", x=-1.0, y=0.0, yaw=0.0)
 Step = Callable[[DockStory], object]
 
 
@@ -77,6 +80,11 @@ THEN: dict[Trigger, Step] = {
     Trigger.DOCKING_FAILED: lambda story: story.tick().accept().ends(False, "no"),
     Trigger.JOURNAL_LOST: full_disk,
     Trigger.RESTORED: lambda story: None,
+    Trigger.REPLACE: lambda story: story.order("x", "park", operation=Operation.REPLACE, origin=Origin.CLI),
+    Trigger.TO_SAFE_PLACE: lambda story: story.given(faults=("BATTERY_CRITICAL",)).tick(),
+    Trigger.NO_SAFE_PLACE: lambda story: story.given(faults=("BATTERY_CRITICAL",)).tick(),
+    Trigger.SAFE_PLACE: lambda story: story.reach(BASE.x),
+    Trigger.LOST: lambda story: story.given(faults=("LOCALIZATION_LOST",)).tick(story.params.localization_lost_s + 1.0),
 }
 
 
@@ -102,6 +110,7 @@ VIA: dict[tuple[State, Trigger], Step] = {
     (State.RUNNING, Trigger.NEXT): lambda story: story.start("pass", "park"),
     (State.WAITING, Trigger.NEXT): lambda story: story.start(WAIT, "park").reach(2.0),
     (State.DOCKING, Trigger.NEXT): lambda story: story.start(DOCK, "park").arrive(2.0),
+    (State.RUNNING, Trigger.SAFE_PLACE): lambda story: story.start("park").given(faults=("BATTERY_CRITICAL",)).tick(),
     (State.UNDOCKING, Trigger.NEXT): lambda story: story.attach().start("undock", "park").arrive(2.0),
 }
 SERVED: dict[State, Step] = {
@@ -120,7 +129,8 @@ def test_every_row_is_walked(params, row):
         story = DockStory(params, Record(State.RUNNING, make_mission("park")))
         assert story.state is row.target
         return
-    story = DockStory(params)
+    places = () if row.trigger is Trigger.NO_SAFE_PLACE else (BASE,)
+    story = DockStory(params, safe_places=places)
     VIA.get((row.source, row.trigger), INTO[row.source])(story)
     assert story.state is row.source
     saved = len(story.journal.records)
