@@ -1,4 +1,4 @@
-"""mission list, start, pause, resume, abort, watch."""
+"""mission list, start, pause, resume, abort, watch; the queue of orders is in mission_queue."""
 
 from __future__ import annotations
 
@@ -8,12 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from robot_stack.cli.errors import CommandError
+from robot_stack.cli.mission_queue import change, queue
 from robot_stack.cli.safety import Timeout
 
 if TYPE_CHECKING:
     from robot_stack.cli.nodes.operator_commands import Mission
 
-mission = typer.Typer(help="Missions: list, start, pause, resume, abort, watch.", no_args_is_help=True)
+mission = typer.Typer(help="Missions: list, start, change, pause, resume, abort, watch, queue.", no_args_is_help=True)
+mission.add_typer(queue, name="queue")
+mission.command()(change)
 
 
 @mission.command("list")
@@ -39,7 +42,7 @@ def list_missions() -> None:
 def start(
     mission_id: Annotated[str, typer.Argument(help="Id, as in `mission list`.")], timeout_s: Timeout = 5.0
 ) -> None:
-    """Start a mission."""
+    """Start a mission; during another one, put it into the queue."""
     _command("START_MISSION", mission_id, timeout_s)
 
 

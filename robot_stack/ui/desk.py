@@ -18,7 +18,8 @@ NEEDS_STAFF, PAD_BUSY, NO_PIN_SET, WAIT, SLOW_DOWN = (
     "answer.too_fast",
 )
 _EDITS = (p.CheckMission, p.SaveMission, p.DeleteMission)
-_STAFF_ONLY = (p.Reset, p.ClearStop, p.Pad, p.Pose, p.Goal, p.CancelGoal, p.SelfTest, *_EDITS)
+_ORDERS = (p.AddOrder, p.ChangeOrder)
+_STAFF_ONLY = (p.Reset, p.ClearStop, p.Pad, p.Pose, p.Goal, p.CancelGoal, p.SelfTest, *_ORDERS, *_EDITS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,6 +104,8 @@ def _by_staff(message: p.ClientMessage) -> bool:
     """True for messages that need the PIN; their data is not sent to riders either."""
     if isinstance(message, p.CallStaff):
         return not message.on
+    if isinstance(message, p.Queue):
+        return message.t == "queue_hold"
     return isinstance(message, p.Show) and any(layer is not p.Layer.PLAN for layer in message.layers)
 
 
@@ -111,7 +114,11 @@ def named(message: p.ClientMessage) -> str:
     match message:
         case p.Start():
             return f"start mission {message.mission}"
-        case p.Ride() | p.Logout() | p.CancelGoal() | p.Reset():
+        case p.AddOrder():
+            return f"{'change destination to' if message.now else 'order'} {message.mission}"
+        case p.ChangeOrder():
+            return f"{message.t.replace('_', ' ')} {message.order}"
+        case p.Ride() | p.Queue() | p.Logout() | p.CancelGoal() | p.Reset():
             return message.t.replace("_", " ")
         case p.Pose() | p.Goal():
             return f"{message.t} {message.x:.2f} {message.y:.2f} {message.yaw:.3f}"

@@ -19,6 +19,7 @@ Coordinate = Annotated[float, Field(ge=-10_000.0, le=10_000.0)]
 Yaw = Annotated[float, Field(ge=-6.2832, le=6.2832)]
 Deflection = Annotated[float, Field(ge=-1.0, le=1.0)]
 MissionId = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_]{0,63}$")]
+OrderId = Annotated[str, StringConstraints(min_length=1, max_length=64)]
 Revision = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{0,16}$")]
 Pin = Annotated[str, StringConstraints(pattern=r"^[0-9]{4,12}$")]
 
@@ -101,6 +102,29 @@ class Ride(Message):
     """A command about the running mission."""
 
     t: Literal["pause", "resume", "abort"]
+
+
+class AddOrder(Message):
+    """Puts a mission into the queue, not before ``in_min`` minutes; ``now``: in place of the ride under way instead."""
+
+    t: Literal["order"]
+    mission: MissionId
+    priority: Annotated[int, Field(ge=0, le=255)] = 100
+    in_min: Annotated[int, Field(ge=0, le=10_080)] = 0
+    now: bool = False
+
+
+class ChangeOrder(Message):
+    """A waiting order: removes it, or moves it by one place."""
+
+    t: Literal["order_remove", "order_up", "order_down"]
+    order: OrderId
+
+
+class Queue(Message):
+    """Lets the waiting orders start, one after the other, or holds them."""
+
+    t: Literal["queue_hold", "queue_release"]
 
 
 class Language(Message):
@@ -204,6 +228,9 @@ ClientMessage = Annotated[
     | ClearStop
     | Start
     | Ride
+    | AddOrder
+    | ChangeOrder
+    | Queue
     | Language
     | Login
     | Logout

@@ -44,6 +44,27 @@ class Ride:
 
 
 @dataclass(frozen=True, slots=True)
+class Order:
+    """earliest_s: Unix time, 0 = at once."""
+
+    id: str
+    mission_id: str
+    origin: str
+    priority: int
+    earliest_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Queue:
+    """As in /mission/queue. held_by: name of a constant of MissionQueue; current: the order under way."""
+
+    held_by: str
+    reason: str
+    orders: tuple[Order, ...]
+    current: Order | None
+
+
+@dataclass(frozen=True, slots=True)
 class Docking:
     """As in /docking/status."""
 
@@ -106,6 +127,7 @@ class Snapshot:
     safety: Safety | None = None
     limit: Limit | None = None
     ride: Ride | None = None
+    queue: Queue | None = None
     docking: Docking | None = None
     computer: Computer | None = None
     display: ExternalDisplay | None = None

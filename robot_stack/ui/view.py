@@ -8,7 +8,7 @@ from typing import Any
 from robot_stack.contract.faults import BY_CODE
 from robot_stack.contract.model import SafetyState
 from robot_stack.contract.states import ACTIVE, MissionState
-from robot_stack.ui.snapshot import Docking, Limit, Ride, Safety, Snapshot
+from robot_stack.ui.snapshot import Docking, Limit, Order, Queue, Ride, Safety, Snapshot
 
 Section = dict[str, Any]
 _PLAN_POINTS_MAX = 200
@@ -26,6 +26,7 @@ def sections(snapshot: Snapshot) -> dict[str, Section]:
     return {
         "safety": _safety(snapshot.safety, snapshot.limit, snapshot.emergency_stop),
         "ride": _ride(snapshot.ride),
+        "queue": _queue(snapshot.queue),
         "stand": {"reasons": standing_reasons(snapshot)},
         "place": _place(snapshot),
         "docking": _docking(snapshot.docking),
@@ -157,6 +158,28 @@ def _ride(ride: Ride | None) -> Section:
         "reason": ride.reason[:300],
         "last_command": ride.last_command,
         "accepted": ride.accepted,
+    }
+
+
+def _queue(queue: Queue | None) -> Section:
+    if queue is None:
+        return {"known": False, "held_by": "NOTHING", "reason": "", "orders": [], "current": None}
+    return {
+        "known": True,
+        "held_by": queue.held_by,
+        "reason": queue.reason[:300],
+        "orders": [_order(order) for order in queue.orders],
+        "current": _order(queue.current) if queue.current else None,
+    }
+
+
+def _order(order: Order) -> Section:
+    return {
+        "id": order.id,
+        "mission": order.mission_id,
+        "origin": order.origin,
+        "priority": order.priority,
+        "earliest_s": _rounded(order.earliest_s, 0) or None,
     }
 
 

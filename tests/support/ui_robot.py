@@ -20,6 +20,7 @@ from custom_msgs.msg import (
     DockingStatus,
     EHMIStatus,
     EmergencyStopSource,
+    MissionQueue,
     MissionStatus,
     SafetyStatus,
     UICommand,
@@ -77,6 +78,8 @@ class StandInRobot:
         peer.listen(topics.TELEOP_CMD_VEL, self.twists.append)
         peer.serve(services.SAFETY_RESET, self._on_reset)
         peer.serve(services.CLEAR_EMERGENCY_STOP, self._on_clear)
+        peer.serve(services.EDIT_MISSION_QUEUE, self._on_edit)
+        self.queue = MissionQueue(held_by=MissionQueue.RESTART, reason="queue held: the mission manager was restarted")
         for row, make, rate_hz in (
             (topics.SAFETY_STATUS, self._safety, 10.0),
             (topics.EMERGENCY_STOP_SOURCES, self._button, 5.0),
@@ -96,6 +99,7 @@ class StandInRobot:
         ):
             peer.repeat(row, make, rate_hz)
         self.say_ride()
+        peer.publish(topics.MISSION_QUEUE, self.queue)
         self.say_limit(1.5)
         self._say_plan()
         peer.publish(topics.NAVIGATION_STATUS, String(data="no goal"))
@@ -205,6 +209,27 @@ class StandInRobot:
         response.message = f"cleared: {request.source}" if response.success else "refused: release it there"
         if response.success:
             del self.stop_sources[request.source]
+        return response
+
+    def _on_edit(self, request: Any, response: Any) -> Any:
+        orders, operation = list(self.queue.orders), request.operation
+        self.commands.append(f"queue {operation} {request.order.mission_id}".strip())
+        place = next((index for index, order in enumerate(orders) if order.id == request.order.id), len(orders))
+        if operation == request.ADD:
+            orders.append(request.order)
+        elif operation in (request.REMOVE, request.MOVE):
+            order = orders.pop(place)
+            if operation == request.MOVE:
+                orders.insert(place + request.steps, order)
+        elif operation == request.REPLACE:
+            response.message = "no change of destination while the mission is PAUSED"
+            return response
+        else:
+            self.queue.held_by = MissionQueue.NOTHING if operation == request.RELEASE else MissionQueue.STAFF
+            self.queue.reason = "queue held: held by a person" if self.queue.held_by else ""
+        self.queue.orders = orders
+        self.peer.publish(topics.MISSION_QUEUE, self.queue)
+        response.success = True
         return response
 
     def _on_command(self, message: UICommand) -> None:

@@ -74,6 +74,9 @@ def test_pages_for_everyone(page: Any, robot: StandInRobot, language: str, size:
         page.wait_for_selector(f'[data-page="{name}"]')
         check(page, name)
     page.click('[data-nav="missions"]')
+    page.click('[data-file="yard_tour"] [data-act="order"]')
+    page.wait_for_selector("#queue [data-order]")
+    check(page, "an order")
     page.click('[data-file="wheelchair_transport"] [data-act="copy"]')
     for step in ("names", "1", "home"):
         page.click(f'[data-step="{step}"]')

@@ -9,19 +9,31 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from visualization_msgs.msg import Marker as MarkerMessage
 
-from custom_msgs.msg import EmergencyStopSource
+from custom_msgs.msg import EmergencyStopSource, MissionQueue
 from robot_stack.contract import topics
 from robot_stack.contract.faults import split_codes
 from robot_stack.contract.model import SafetyState, System, Topic
 from robot_stack.contract.states import ACTIVE
 from robot_stack.core.geometry import Pose2
-from robot_stack.middleware.conversions import pose_from_msg
+from robot_stack.middleware.conversions import pose_from_msg, time_to_s
 from robot_stack.middleware.inputs import Input
 from robot_stack.middleware.node import StackNode
 from robot_stack.ui.diagnostics import Diagnostics
 from robot_stack.ui.protocol import Layer
 from robot_stack.ui.self_test import Seen, SourceReports
-from robot_stack.ui.snapshot import Computer, Docking, ExternalDisplay, Limit, Marker, Person, Ride, Safety, Snapshot
+from robot_stack.ui.snapshot import (
+    Computer,
+    Docking,
+    ExternalDisplay,
+    Limit,
+    Marker,
+    Order,
+    Person,
+    Queue,
+    Ride,
+    Safety,
+    Snapshot,
+)
 
 # Topics shown by only some pages are subscribed to while such a page is open.
 _BY_LAYER: dict[Layer, tuple[Topic, ...]] = {
@@ -56,6 +68,7 @@ class RobotInputs:
         self._diagnostics = Diagnostics()
         self._rows = topics.of_system(System.ROBOT)
         self._ride = node.subscribe(topics.MISSION_STATUS)
+        self._queue = node.subscribe(topics.MISSION_QUEUE)
         self._limit = node.subscribe(topics.VELOCITY_LIMIT)
         self._docking = node.subscribe(topics.DOCKING_STATUS)
         self._battery = node.subscribe(topics.BATTERY_STATE)
@@ -119,6 +132,7 @@ class RobotInputs:
             safety=_safety(self._node.safety_status_input),
             limit=_limit(self._limit.latest) if self._limit.fresh() else None,
             ride=self.ride(),
+            queue=_queue(self._queue.latest),
             docking=_docking(self._docking),
             computer=_computer(self._robot) if self._robot.fresh() else None,
             display=_display(self.latest(topics.EHMI_STATUS)),
@@ -180,6 +194,33 @@ def _ride(m: Any) -> Ride | None:
         last_command=m.last_command,
         accepted=m.last_command_accepted,
     )
+
+
+# Names of the constants of MissionQueue.held_by, by their numbers.
+_HELD_BY = (
+    "NOTHING",
+    "RESTART",
+    "STAFF",
+    "EMERGENCY_STOP",
+    "MISSION_ABORTED",
+    "MISSION_FAILED",
+    "PASSENGER",
+    "MANUAL",
+    "BATTERY_LOW",
+    "JOURNAL",
+)
+
+
+def _queue(m: Any) -> Queue | None:
+    if m is None:
+        return None
+    held_by = next((name for name in _HELD_BY if getattr(MissionQueue, name) == m.held_by), "STAFF")
+    current = _order(m.current[0]) if m.current else None
+    return Queue(held_by, m.reason, tuple(_order(item) for item in m.orders), current)
+
+
+def _order(m: Any) -> Order:
+    return Order(m.id, m.mission_id, m.origin, m.priority, time_to_s(m.earliest))
 
 
 def _docking(entry: Input) -> Docking | None:

@@ -1,8 +1,9 @@
-"""Requests of staff to the safety monitor: the second key of the release, and clearing an absent stop source."""
+"""Requests of a page to the safety monitor (release, clearing an absent stop source) and to the mission manager."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from robot_stack.contract.model import Service
@@ -11,16 +12,32 @@ from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.timers import NodeTimer
 from robot_stack.ui.params import ResetParams
 
-# (granted, key of the refusal's text, the safety monitor's own text)
+# (granted, key of the refusal's text, the server's own text)
 Answer = Callable[[bool, str, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Refusals:
+    """Keys of texts: the server does not answer, it refuses, another request is under way."""
+
+    silent: str
+    refused: str
+    busy: str
+
+
 NO_MONITOR, REFUSED, BUSY = "answer.no_monitor", "answer.reset_refused", "answer.reset_busy"
+NO_MISSIONS, QUEUE_REFUSED, QUEUE_BUSY = "answer.no_missions", "answer.queue_refused", "answer.queue_busy"
+RESET_REFUSALS = Refusals(NO_MONITOR, REFUSED, BUSY)
+QUEUE_REFUSALS = Refusals(NO_MISSIONS, QUEUE_REFUSED, QUEUE_BUSY)
 
 
 class OperatorRequest:
     """One at a time. Every path responds exactly once. A refused request is repeated, ``tries`` times in all."""
 
-    def __init__(self, node: StackNode, params: ResetParams, row: Service, tries: int) -> None:
-        self._node, self._params, self._tries_max = node, params, tries
+    def __init__(
+        self, node: StackNode, params: ResetParams, row: Service, tries: int, texts: Refusals = RESET_REFUSALS
+    ) -> None:
+        self._node, self._params, self._tries_max, self._texts = node, params, tries, texts
         self._service = interface_class(row.type)
         self._client = node.client(row)
         self._answer: Answer | None = None
@@ -31,13 +48,13 @@ class OperatorRequest:
     def ask(self, answer: Answer, **fields: Any) -> None:
         """fields: of the request."""
         if self._answer is not None:
-            answer(False, BUSY, "")
+            answer(False, self._texts.busy, "")
             return
         if not self._client.service_is_ready():
-            answer(False, NO_MONITOR, "")
+            answer(False, self._texts.silent, "")
             return
         self._answer, self._fields, self._tries = answer, fields, self._tries_max
-        self._after(self._params.timeout_s, lambda: self._end(False, NO_MONITOR, ""))
+        self._after(self._params.timeout_s, lambda: self._end(False, self._texts.silent, ""))
         # The safety monitor requires the release to last a moment before it grants a reset.
         self._after(self._params.pause_s, self._call)
 
@@ -54,7 +71,7 @@ class OperatorRequest:
         elif self._tries > 0:
             self._after(self._params.pause_s, self._call)
         else:
-            self._end(False, REFUSED, response.message)
+            self._end(False, self._texts.refused, response.message)
 
     def _after(self, seconds: float, callback: Callable[[], None]) -> None:
         def once() -> None:

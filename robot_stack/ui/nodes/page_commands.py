@@ -1,20 +1,31 @@
-"""Executes page requests: rides, poses and goals, edited missions, requests to the safety monitor."""
+"""Executes page requests: rides, orders, poses and goals, edited missions, requests to the safety monitor."""
 
 from __future__ import annotations
 
+import uuid
+from typing import Any
+
+from builtin_interfaces.msg import Time
+
+from custom_msgs.msg import MissionOrder
+from custom_msgs.srv import EditMissionQueue
 from robot_stack.contract import services
 from robot_stack.core.geometry import Pose2
+from robot_stack.middleware.conversions import time_from_s
 from robot_stack.middleware.node import StackNode
 from robot_stack.ui import protocol as p
 from robot_stack.ui.desk import named
 from robot_stack.ui.nodes.audit_file import AuditFile
 from robot_stack.ui.nodes.mission_files import MissionFiles
-from robot_stack.ui.nodes.operator_requests import Answer, OperatorRequest
+from robot_stack.ui.nodes.operator_requests import QUEUE_REFUSALS, Answer, OperatorRequest
 from robot_stack.ui.nodes.outputs import Outputs
 from robot_stack.ui.nodes.pages import Pages
 from robot_stack.ui.nodes.self_test import GuidedSelfTest
 from robot_stack.ui.params import ResetParams
 
+_Edit = EditMissionQueue.Request
+_HOLDS = {"queue_hold": _Edit.HOLD, "queue_release": _Edit.RELEASE}
+_CHANGES = {"order_remove": (_Edit.REMOVE, 0), "order_up": (_Edit.MOVE, -1), "order_down": (_Edit.MOVE, 1)}
 _RIDE_COMMANDS = {"pause": "PAUSE", "resume": "RESUME", "abort": "ABORT"}
 
 
@@ -35,15 +46,20 @@ class PageCommands:
         self._self_test = self_test
         self._reset = OperatorRequest(node, reset, services.SAFETY_RESET, reset.tries)
         self._clear = OperatorRequest(node, reset, services.CLEAR_EMERGENCY_STOP, 1)
+        self._queue = OperatorRequest(node, reset, services.EDIT_MISSION_QUEUE, 1, QUEUE_REFUSALS)
+        self._node = node
 
     def carry_out(self, client: int, message: p.ClientMessage) -> None:
         match message:
             case p.Reset():
                 self._outputs.ask_release()
-                self._reset.ask(self._answer_of_monitor(client, message))
+                self._reset.ask(self._answer_of_server(client, message))
                 return
             case p.ClearStop():
-                self._clear.ask(self._answer_of_monitor(client, message), source=message.source)
+                self._clear.ask(self._answer_of_server(client, message), source=message.source)
+                return
+            case p.AddOrder() | p.ChangeOrder() | p.Queue():
+                self._queue.ask(self._answer_of_server(client, message), **self._queue_request(message))
                 return
             case p.CheckMission() | p.SaveMission() | p.DeleteMission():
                 self._edit(client, message)
@@ -70,7 +86,7 @@ class PageCommands:
         self._pages.answer(client, message.id, True)
         self._pages.show()
 
-    def _answer_of_monitor(self, client: int, message: p.ClientMessage) -> Answer:
+    def _answer_of_server(self, client: int, message: p.ClientMessage) -> Answer:
         who = self._pages.who(client)
 
         def answer(granted: bool, why: str, detail: str) -> None:
@@ -78,6 +94,21 @@ class PageCommands:
             self._pages.answer(client, message.id, granted, why, detail)
 
         return answer
+
+    def _queue_request(self, message: p.AddOrder | p.ChangeOrder | p.Queue) -> dict[str, Any]:
+        if isinstance(message, p.Queue):
+            return {"operation": _HOLDS[message.t]}
+        if isinstance(message, p.ChangeOrder):
+            operation, steps = _CHANGES[message.t]
+            return {"operation": operation, "order": MissionOrder(id=message.order), "steps": steps}
+        order = MissionOrder(
+            id=f"screen_{uuid.uuid4().hex[:8]}",
+            mission_id=message.mission,
+            origin=MissionOrder.TOUCH_SCREEN,
+            priority=message.priority,
+            earliest=time_from_s(self._node.now_s() + 60.0 * message.in_min) if message.in_min else Time(),
+        )
+        return {"operation": _Edit.REPLACE if message.now else _Edit.ADD, "order": order}
 
     def _edit(self, client: int, message: p.CheckMission | p.SaveMission | p.DeleteMission) -> None:
         done = self._missions.edit(message)

@@ -33,7 +33,10 @@ def desk(params: TouchUiParams) -> d.Desk:
     return desk
 
 
-RIDERS_MAY = ("alive", "stop", "start", "pause", "resume", "abort", "language", "login", "logout", "ready", "lift")
+RIDERS_MAY = (
+    "alive", "stop", "start", "pause", "resume", "abort", "queue_release", "language",
+    "login", "logout", "ready", "lift",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("fields", [fields for fields, _ in GOOD], ids=lambda fields: fields["t"])
@@ -85,6 +88,10 @@ def test_audit_log_records_operator_actions(desk: d.Desk) -> None:
         ('{"t": "call", "on": false}', "call answered"),
         ('{"t": "self_test", "act": "begin"}', "self test: begin"),
         ('{"t": "self_test", "act": "fail", "step": 3}', "self test: fail step 3"),
+        ('{"t": "order", "mission": "site_ride"}', "order site_ride"),
+        ('{"t": "order", "mission": "site_ride", "now": true}', "change destination to site_ride"),
+        ('{"t": "order_up", "order": "a"}', "order up a"),
+        ('{"t": "queue_release"}', "queue release"),
         ('{"t": "alive"}', ""),
         ('{"t": "login", "pin": "2468"}', ""),  # the outcome is logged later, the PIN never
     ):

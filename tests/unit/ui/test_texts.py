@@ -14,6 +14,7 @@ from robot_stack.core import mission
 from robot_stack.core.display_patterns import load_patterns
 from robot_stack.core.kept_events import EventState
 from robot_stack.core.stop_presence import Presence
+from robot_stack.mission.orders import HeldBy, Origin
 from robot_stack.recording import black_box
 from robot_stack.ui import desk, self_test, view
 from robot_stack.ui.nodes import hub, mission_files, operator_requests
@@ -53,6 +54,8 @@ FAMILIES = {
     "event_reason.": {
         black_box.EMERGENCY_STOP, black_box.SAFETY_SILENT, black_box.NODE_RESTARTED, black_box.INTERRUPTED,
     },
+    "held.": {held.name for held in HeldBy} - {"NOTHING"},
+    "origin.": {origin.value for origin in Origin},
     "settings.": {"normal", "large", "light", "sun", "right", "left"},
 }  # fmt: skip
 

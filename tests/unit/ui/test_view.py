@@ -20,7 +20,7 @@ from robot_stack.ui.audit import Entry, line, read
 from robot_stack.ui.changes import Changes
 from robot_stack.ui.diagnostics import Diagnostics
 from robot_stack.ui.protocol import Layer
-from robot_stack.ui.snapshot import Docking, Limit, Marker, Ride, Safety, Snapshot
+from robot_stack.ui.snapshot import Docking, Limit, Marker, Order, Queue, Ride, Safety, Snapshot
 
 NORMAL = Safety("NORMAL", (), math.inf, pressed=False)
 RIDE = Ride("RUNNING", "tour", "gate", 1, 4, 0.25, 62.0, False, "", "START_MISSION", True)
@@ -81,6 +81,18 @@ def test_sections_are_json_whatever_is_unknown() -> None:
             "markers": view.marker_section(snapshot),
         }
         json.dumps(told, allow_nan=False)
+
+
+def test_orders_are_told_with_their_times_and_what_holds_them() -> None:
+    waiting = Order("b", "tour", "fleet", 200, 1_700_000_000.4)
+    queue = Queue("BATTERY_LOW", "queue held: " + "x" * 999, (waiting,), Order("a", "hop", "cli", 100, 0.0))
+    told = view.sections(replace(WELL, queue=queue))["queue"]
+    assert (told["known"], told["held_by"], len(told["reason"])) == (True, "BATTERY_LOW", 300)
+    assert told["orders"] == [
+        {"id": "b", "mission": "tour", "origin": "fleet", "priority": 200, "earliest_s": 1_700_000_000.0}
+    ]
+    assert told["current"]["earliest_s"] is None
+    assert view.sections(WELL)["queue"]["known"] is False
 
 
 def test_time_of_arrival_comes_in_steps() -> None:

@@ -3,6 +3,7 @@
 import { html, useEffect, useState } from "/vendor/preact-htm.js";
 import { languageNow, t } from "/i18n.js";
 import { MissionEditor } from "/pages/mission_editor.js";
+import { OrderOptions, OrderQueue, newOrder } from "/pages/orders.js";
 import { poseOf } from "/map_draw.js";
 
 // What is being edited outlives a look at another page, and a session that ended.
@@ -36,6 +37,7 @@ function copyOf(file, files) {
 export function MissionsPage({ link, state, say }) {
   const [edit, setEdit] = useState(kept.edit);
   const [deleting, setDeleting] = useState(null);
+  const [options, setOptions] = useState({ priority: 100, in_min: 0 });
   useEffect(() => { link.show(["mission_files"]); }, []);
   kept.edit = edit;
   const data = state.mission_files ?? { list: [], docks: [], folder: "" };
@@ -43,6 +45,8 @@ export function MissionsPage({ link, state, say }) {
     return html`<${MissionEditor} link=${link} state=${state} say=${say} files=${data} edit=${edit} setEdit=${setEdit} />`;
   }
   const start = async (id) => say(await link.ask({ t: "start", mission: id }));
+  const order = async (id, now) => say(await link.ask(newOrder(id, options, now)));
+  const riding = state.ride?.active;
   const remove = async (file) => {
     setDeleting(null);
     say(await link.ask({ t: "mission_delete", mission: file.id, revision: file.revision }));
@@ -52,7 +56,9 @@ export function MissionsPage({ link, state, say }) {
       <h2>${t("missions.title")}</h2>
       <button class="primary" id="new-mission" onClick=${() => setEdit(newEdit(state))}>${t("missions.new")}</button>
     </div>
+    <${OrderQueue} link=${link} state=${state} say=${say} />
     <p>${t("missions.hint", { folder: data.folder })}</p>
+    <${OrderOptions} options=${options} setOptions=${setOptions} />
     ${data.list.map((file) => html`<article class="mission" data-file=${file.id}>
       <h3>${file.mission?.name[languageNow()] ?? file.id} <span class="tag">${t(file.own ? "missions.own" : "missions.shipped")}</span></h3>
       ${file.mission
@@ -65,7 +71,10 @@ export function MissionsPage({ link, state, say }) {
             <button onClick=${() => setDeleting(null)}>${t("app.cancel")}</button>
           </div>`
         : html`<div class="tools">
-            ${file.mission && html`<button data-act="start" onClick=${() => start(file.id)}>${t("rider.start")}</button>
+            ${file.mission && html`${riding
+                ? html`<button data-act="now" onClick=${() => order(file.id, true)}>${t("queue.now")}</button>`
+                : html`<button data-act="start" onClick=${() => start(file.id)}>${t("rider.start")}</button>`}
+              <button data-act="order" onClick=${() => order(file.id, false)}>${t("queue.add")}</button>
               <button data-act="open" onClick=${() => setEdit(editOf(file))}>${t(file.own ? "missions.edit" : "missions.look")}</button>
               <button data-act="copy" onClick=${() => setEdit(copyOf(file, data.list))}>${t("missions.copy")}</button>`}
             ${file.own && html`<button data-act="delete" onClick=${() => setDeleting(file.id)}>${t("missions.delete")}</button>`}

@@ -52,7 +52,7 @@ function placeName(state, ride) {
   return stop ? stop[languageNow()] : ride.waypoint === "home" ? t("rider.home") : ride.waypoint;
 }
 
-function missionName(state, id) {
+export function missionName(state, id) {
   const mission = (state.missions?.list ?? []).find((item) => item.id === id);
   return mission ? mission.name[languageNow()] : id;
 }
@@ -109,6 +109,7 @@ function Destinations({ link, state, say }) {
     <h2>${t("rider.where")}</h2>
     <p class="large">${missions.length ? t("rider.choose") : t("rider.no_destinations")}</p>
     <${BlockedBy} state=${state} />
+    <${HeldOrders} link=${link} state=${state} say=${say} />
     <div class="cards">
       ${missions.map((item) => html`
         <button class="card" data-mission=${item.id} onClick=${() => setChosen(item.id)}>
@@ -117,6 +118,18 @@ function Destinations({ link, state, say }) {
         </button>`)}
     </div>
   </section>`;
+}
+
+// Orders that wait for a person: one touch lets them start.
+export function HeldOrders({ link, state, say }) {
+  const queue = state.queue ?? {};
+  if (!queue.orders?.length || queue.held_by === "NOTHING") return null;
+  const release = async () => say(await link.ask({ t: "queue_release" }));
+  return html`<div class="reasons" role="status" data-held=${queue.held_by}>
+    <h3>${t("queue.waiting", { count: queue.orders.length, name: missionName(state, queue.orders[0].mission) })}</h3>
+    <p>${t(`held.${queue.held_by}`)}</p>
+    <div class="actions"><button class="primary" id="release" onClick=${release}>${t("queue.release")}</button></div>
+  </div>`;
 }
 
 // What ended a ride is told above; here is what keeps the next from starting.

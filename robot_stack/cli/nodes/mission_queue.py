@@ -1,0 +1,77 @@
+"""The mission manager's queue of orders, for an operator."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from custom_msgs.msg import MissionOrder
+from custom_msgs.srv import EditMissionQueue
+from robot_stack.cli.nodes.operator import Operator
+from robot_stack.contract import services, topics
+from robot_stack.middleware.conversions import time_from_s, time_to_s
+
+
+@dataclass(frozen=True, slots=True)
+class ShownOrder:
+    """earliest_s: Unix time, 0 = at once."""
+
+    id: str
+    mission_id: str
+    origin: str
+    priority: int
+    earliest_s: float
+    under_way: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Queue:
+    """``/mission/queue`` as values: the order under way first. reason: why none starts, empty if they do."""
+
+    reason: str
+    orders: tuple[ShownOrder, ...]
+
+    @property
+    def under_way(self) -> int:
+        """The number of orders under way."""
+        return sum(order.under_way for order in self.orders)
+
+
+def read_queue(timeout_s: float) -> Queue:
+    """Raises TimeoutError without a mission manager."""
+    received: list[Any] = []
+    with Operator() as operator:
+        operator.subscribe(topics.MISSION_QUEUE, received.append)
+        if not operator.wait(lambda: received, timeout_s):
+            raise TimeoutError("no /mission/queue: is the stack running?")
+    message = received[-1]
+    return Queue(message.reason, tuple(_shown(order) for order in (*message.current, *message.orders)))
+
+
+def edit_queue(
+    operation: str,
+    timeout_s: float,
+    *,
+    order_id: str = "",
+    mission_id: str = "",
+    priority: int = 100,
+    earliest_s: float = 0.0,
+    steps: int = 0,
+) -> tuple[bool, str]:
+    """(done, what was done or why not). operation: a constant of EditMissionQueue. Raises TimeoutError."""
+    order = MissionOrder(
+        id=order_id,
+        mission_id=mission_id,
+        origin=MissionOrder.CLI,
+        priority=priority,
+        earliest=time_from_s(earliest_s),
+    )
+    code = getattr(EditMissionQueue.Request, operation)
+    with Operator() as operator:
+        answer = operator.call(services.EDIT_MISSION_QUEUE, timeout_s, operation=code, order=order, steps=steps)
+    return bool(answer.success), str(answer.message)
+
+
+def _shown(order: MissionOrder) -> ShownOrder:
+    under_way = order.state == MissionOrder.UNDER_WAY
+    return ShownOrder(order.id, order.mission_id, order.origin, order.priority, time_to_s(order.earliest), under_way)

@@ -1,0 +1,81 @@
+"""Staff order rides by touch, in two languages; a rider lets waiting orders start with one touch."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tests.support.ui_robot import StandInRobot
+from tests.support.waiting import wait_for
+from tests.ui.conftest import unlock, until
+
+ADD, REMOVE, MOVE, HOLD, RELEASE, REPLACE = range(6)
+
+
+def order(page: Any, mission: str, act: str = "order") -> None:
+    page.click(f'[data-file="{mission}"] [data-act="{act}"]')
+
+
+def rows(page: Any) -> list[str]:
+    return list(page.evaluate("[...document.querySelectorAll('#queue [data-order]')].map((row) => row.innerText)"))
+
+
+def missions_of(robot: StandInRobot) -> list[str]:
+    return [item.mission_id for item in robot.queue.orders]
+
+
+def test_staff_order_move_remove_and_release(page: Any, robot: StandInRobot) -> None:
+    unlock(page)
+    page.click('[data-nav="missions"]')
+    page.wait_for_selector('#queue[data-held="RESTART"]')
+    order(page, "site_ride")
+    until(page, "document.querySelectorAll('#queue [data-order]').length === 1")
+    page.click("#high")
+    page.click('[data-delay="30"]')
+    order(page, "yard_tour")
+    until(page, "document.querySelectorAll('#queue [data-order]').length === 2")
+    first, second = robot.queue.orders
+    assert (first.mission_id, first.origin, first.priority, first.earliest.sec) == ("site_ride", "touch_screen", 100, 0)
+    assert (second.mission_id, second.priority) == ("yard_tour", 200)
+    assert second.earliest.sec > 30 * 60
+    assert len({first.id, second.id}) == 2
+    assert "Site ride" in rows(page)[0]
+    assert "priority 200 · not before" in rows(page)[1]
+
+    page.click(f'[data-order="{second.id}"] [data-act="up"]')
+    until(page, f"document.querySelector('#queue [data-order]')?.dataset.order === '{second.id}'")
+    assert missions_of(robot) == ["yard_tour", "site_ride"]
+    page.click(f'[data-order="{second.id}"] [data-act="remove"]')
+    until(page, "document.querySelectorAll('#queue [data-order]').length === 1")
+    assert missions_of(robot) == ["site_ride"]
+
+    page.click('[lang="ja"]')
+    until(page, "document.querySelector('#queue h3')?.textContent === '注文'")
+    assert "再起動" in page.inner_text("#queue")
+    page.click("#release")
+    page.wait_for_selector('#queue[data-held="NOTHING"]')
+    page.click("#hold")
+    page.wait_for_selector('#queue[data-held="STAFF"]')
+    page.click('[data-nav="history"]')
+    until(page, "document.querySelector('#history')?.textContent.includes('order yard_tour: answered')")
+
+
+def test_a_ride_s_destination_is_changed_and_a_refusal_is_shown(page: Any, robot: StandInRobot) -> None:
+    robot.say_ride(state="RUNNING", mission_id="site_ride", current_waypoint="south way")
+    unlock(page)
+    page.click('[data-nav="missions"]')
+    order(page, "yard_tour", "now")
+    until(page, "document.querySelector('.toast.bad')?.textContent.includes('no change of destination')")
+    assert f"queue {REPLACE} yard_tour" in robot.commands
+
+
+def test_one_touch_of_a_rider_starts_the_waiting_orders(page: Any, robot: StandInRobot) -> None:
+    unlock(page)
+    page.click('[data-nav="missions"]')
+    order(page, "site_ride")
+    until(page, "document.querySelectorAll('#queue [data-order]').length === 1")
+    page.click("#to-staff")
+    page.wait_for_selector('[data-page="destinations"] [data-held="RESTART"]')
+    assert "Site ride" in page.inner_text("[data-held]")
+    page.click("#release")
+    wait_for(lambda: f"queue {RELEASE}" in robot.commands, f"the release, received {robot.commands}")
+    page.wait_for_selector("[data-held]", state="detached")
