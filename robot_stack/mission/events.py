@@ -10,7 +10,7 @@ from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.goals import NavigationEvent, SendGoal
 from robot_stack.core.mission import Kind, Mission
 from robot_stack.core.mission_library import MissionError
-from robot_stack.mission.orders import Operation, Order, QueueReport
+from robot_stack.mission.orders import WITH_ORDER, Operation, Order, Origin, QueueReport
 from robot_stack.mission.record import Record
 
 START_MISSION = "START_MISSION"
@@ -81,14 +81,41 @@ def command(name: str, find: Callable[[], Mission]) -> Command:
 class EditQueue:
     """A request to change the queue. ADD and REPLACE carry the order with its mission, or the problem with it.
 
-    order_id: for REMOVE and MOVE. steps: for MOVE, negative = earlier.
+    operation: None if there is no such operation. order_id: for REMOVE and MOVE. steps: for MOVE, negative = earlier.
     """
 
-    operation: Operation
+    operation: Operation | None
     order: Order | None = None
     problem: str = ""
     order_id: str = ""
     steps: int = 0
+
+
+def edit_queue(
+    operation: int,
+    find: Callable[[str], Mission],
+    *,
+    order_id: str,
+    mission_id: str,
+    origin: str,
+    priority: int,
+    earliest_s: float,
+    steps: int,
+) -> EditQueue:
+    """find: returns the mission of an id; called for a new order only. A MissionError is the request's problem."""
+    try:
+        asked = Operation(operation)
+    except ValueError:
+        return EditQueue(None, problem=f"there is no operation {operation}")
+    if asked not in WITH_ORDER:
+        return EditQueue(asked, order_id=order_id, steps=steps)
+    try:
+        origin_of, mission = Origin(origin), find(mission_id)
+    except MissionError as error:
+        return EditQueue(asked, problem=str(error))
+    except ValueError:
+        return EditQueue(asked, problem=f"there is no origin {origin[:64]!r}; known: {', '.join(Origin)}")
+    return EditQueue(asked, Order(order_id, mission_id, origin_of, priority, earliest_s, mission=mission))
 
 
 @dataclass(frozen=True, slots=True)

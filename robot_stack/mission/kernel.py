@@ -327,6 +327,8 @@ class MissionKernel:
     def _edited(self, request: EditQueue, inputs: Inputs) -> tuple[Effect, ...]:
         queue = self._record.queue
         match request.operation:
+            case None:
+                raise QueueRefusal(request.problem)
             case Operation.ADD | Operation.REPLACE:
                 if request.order is None:
                     raise QueueRefusal(request.problem)

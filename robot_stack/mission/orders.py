@@ -65,6 +65,9 @@ class Operation(IntEnum):
     REPLACE = 5
 
 
+WITH_ORDER = (Operation.ADD, Operation.REPLACE)
+
+
 class QueueRefusal(Exception):
     """A change of the queue is not possible. The message is one line for people."""
 
@@ -101,9 +104,13 @@ class OrderQueue:
     ended: tuple[Order, ...] = ()
     number: int = 1
 
+    @property
+    def under_way(self) -> tuple[Order, ...]:
+        return () if self.current is None else (self.current,)
+
     def known(self, order_id: str) -> Order | None:
         """The order of this id in any state."""
-        everything = (*self.orders, *((self.current,) if self.current else ()), *self.ended)
+        everything = (*self.orders, *self.under_way, *self.ended)
         return next((order for order in everything if order.id == order_id), None)
 
     def due(self, now_s: float) -> Order | None:
@@ -189,7 +196,7 @@ def problem_of_queue(queue: OrderQueue, active: bool) -> str:
         return "an order without its mission"
     if queue.current is not None and not active:
         return f"order {queue.current.id!r} under way without a mission"
-    ids = [order.id for order in (*queue.orders, *queue.ended)] + ([queue.current.id] if queue.current else [])
+    ids = [order.id for order in (*queue.orders, *queue.under_way, *queue.ended)]
     return "two orders with one id" if len(set(ids)) != len(ids) else ""
 
 

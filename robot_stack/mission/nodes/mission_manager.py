@@ -77,11 +77,7 @@ class MissionManagerNode(StackNode):
         self._handle(ev.command(message.command_type, lambda: self._library.find(message.mission_id)))
 
     def _on_edit(self, request: Any, response: Any) -> Any:
-        event = request_of(request, self._library.find)
-        if isinstance(event, str):
-            response.success, response.message = False, event
-            return response
-        self._handle(event)
+        self._handle(request_of(request, self._library.find))
         answer = self._kernel.queue_answer
         response.success, response.message = answer.success, answer.message
         return response

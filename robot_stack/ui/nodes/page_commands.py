@@ -5,8 +5,6 @@ from __future__ import annotations
 import uuid
 from typing import Any
 
-from builtin_interfaces.msg import Time
-
 from custom_msgs.msg import MissionOrder
 from custom_msgs.srv import EditMissionQueue
 from robot_stack.contract import services
@@ -21,11 +19,9 @@ from robot_stack.ui.nodes.operator_requests import QUEUE_REFUSALS, Answer, Opera
 from robot_stack.ui.nodes.outputs import Outputs
 from robot_stack.ui.nodes.pages import Pages
 from robot_stack.ui.nodes.self_test import GuidedSelfTest
+from robot_stack.ui.orders import QueueRequest, queue_request
 from robot_stack.ui.params import ResetParams
 
-_Edit = EditMissionQueue.Request
-_HOLDS = {"queue_hold": _Edit.HOLD, "queue_release": _Edit.RELEASE}
-_CHANGES = {"order_remove": (_Edit.REMOVE, 0), "order_up": (_Edit.MOVE, -1), "order_down": (_Edit.MOVE, 1)}
 _RIDE_COMMANDS = {"pause": "PAUSE", "resume": "RESUME", "abort": "ABORT"}
 
 
@@ -59,7 +55,8 @@ class PageCommands:
                 self._clear.ask(self._answer_of_server(client, message), source=message.source)
                 return
             case p.AddOrder() | p.ChangeOrder() | p.Queue():
-                self._queue.ask(self._answer_of_server(client, message), **self._queue_request(message))
+                wanted = queue_request(message, f"screen_{uuid.uuid4().hex[:8]}", self._node.now_s())
+                self._queue.ask(self._answer_of_server(client, message), **_queue_fields(wanted))
                 return
             case p.CheckMission() | p.SaveMission() | p.DeleteMission():
                 self._edit(client, message)
@@ -95,24 +92,21 @@ class PageCommands:
 
         return answer
 
-    def _queue_request(self, message: p.AddOrder | p.ChangeOrder | p.Queue) -> dict[str, Any]:
-        if isinstance(message, p.Queue):
-            return {"operation": _HOLDS[message.t]}
-        if isinstance(message, p.ChangeOrder):
-            operation, steps = _CHANGES[message.t]
-            return {"operation": operation, "order": MissionOrder(id=message.order), "steps": steps}
-        order = MissionOrder(
-            id=f"screen_{uuid.uuid4().hex[:8]}",
-            mission_id=message.mission,
-            origin=MissionOrder.TOUCH_SCREEN,
-            priority=message.priority,
-            earliest=time_from_s(self._node.now_s() + 60.0 * message.in_min) if message.in_min else Time(),
-        )
-        return {"operation": _Edit.REPLACE if message.now else _Edit.ADD, "order": order}
-
     def _edit(self, client: int, message: p.CheckMission | p.SaveMission | p.DeleteMission) -> None:
         done = self._missions.edit(message)
         if not isinstance(message, p.CheckMission):
             self._history.add(self._pages.who(client), named(message), done.why or "ok")
             self._pages.show_files()
         self._pages.answer(client, message.id, not done.why, done.why, done.detail, **done.fields())
+
+
+def _queue_fields(wanted: QueueRequest) -> dict[str, Any]:
+    """The fields of the request to the mission manager."""
+    order = MissionOrder(
+        id=wanted.order_id,
+        mission_id=wanted.mission_id,
+        origin=MissionOrder.TOUCH_SCREEN,
+        priority=wanted.priority,
+        earliest=time_from_s(wanted.earliest_s),
+    )
+    return {"operation": getattr(EditMissionQueue.Request, wanted.operation), "order": order, "steps": wanted.steps}

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import pytest
 
+from custom_msgs.msg import MissionOrder, MissionQueue
+from custom_msgs.srv import EditMissionQueue
 from robot_stack.core.config import load
+from robot_stack.core.mission_library import MissionError
 from robot_stack.core.safe_places import SafePlace
 from robot_stack.mission import events as ev
-from robot_stack.mission.orders import MAX_ENDED, MAX_ORDERS, HeldBy, Operation, OrderState, Origin
+from robot_stack.mission.orders import MAX_ENDED, MAX_ORDERS, HeldBy, Operation, Order, OrderState, Origin
 from robot_stack.mission.states import State
 from robot_stack.navigation.params import NavigationParams
 
@@ -470,3 +473,40 @@ def test_a_recovery_of_navigation_starts_the_time_of_a_try_again(story):
 
 def test_a_timeout_that_is_set_is_kept(params):
     assert params.model_copy(update={"progress_timeout_s": 2.0}).with_waits(22.0).progress_timeout_s == 2.0
+
+
+# --- requests from the wire ------------------------------------------------------------------------------------------
+
+
+def asked(operation: int, **changes) -> ev.EditQueue:
+    fields = {"order_id": "a", "mission_id": "other", "origin": "fleet", "priority": 7, "earliest_s": 5.0, "steps": -2}
+
+    def find(mission_id: str):
+        if mission_id != "other":
+            raise MissionError(f"there is no mission {mission_id!r}")
+        return OTHER
+
+    return ev.edit_queue(operation, find, **{**fields, **changes})
+
+
+def test_requests_from_the_wire(story):
+    assert asked(0).order == Order("a", "other", Origin.FLEET, 7, 5.0, mission=OTHER)
+    assert asked(2) == ev.EditQueue(Operation.MOVE, order_id="a", steps=-2)
+    for request, why in (
+        (asked(6), "there is no operation 6"),
+        (asked(0, origin="stranger"), "there is no origin 'stranger'"),
+        (asked(5, mission_id="nowhere"), "there is no mission 'nowhere'"),
+    ):
+        story.happens(request)
+        assert not story.kernel.queue_answer.success
+        assert why in story.kernel.queue_answer.message
+
+
+def test_the_numbers_are_those_of_the_messages():
+    for kind, message in (
+        (HeldBy, MissionQueue),
+        (OrderState, MissionOrder),
+        (Operation, EditMissionQueue.Request),
+    ):
+        assert {item.name: item.value for item in kind} == {item.name: getattr(message, item.name) for item in kind}
+    assert {origin.value for origin in Origin} == {getattr(MissionOrder, origin.name) for origin in Origin}
