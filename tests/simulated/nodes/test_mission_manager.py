@@ -12,8 +12,9 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
-from custom_msgs.msg import RobotStatus, SafetyStatus, UICommand
-from robot_stack.contract import topics
+from custom_msgs.msg import MissionOrder, MissionQueue, RobotStatus, SafetyStatus, UICommand
+from custom_msgs.srv import EditMissionQueue
+from robot_stack.contract import services, topics
 from robot_stack.contract.display import Display
 from robot_stack.core.geometry import Pose2
 from robot_stack.middleware.conversions import pose_from_msg, pose_stamped
@@ -423,3 +424,119 @@ def test_failing_disk_during_a_ride_pauses_it(world, full):
     assert world.command("RESUME").state == "RUNNING"
     assert SqliteJournal(world.journal).load().state is State.RUNNING
     world.goal(4.0)
+
+
+# --- orders ----------------------------------------------------------------------------------------------------------
+
+
+def edit(world: World, operation: str, order_id: str = "", mission_id: str = "ride", **fields: Any) -> Any:
+    order = MissionOrder(id=order_id, mission_id=mission_id, origin=MissionOrder.FLEET, priority=100, **fields)
+    request = EditMissionQueue.Request(operation=getattr(EditMissionQueue.Request, operation), order=order)
+    return world.bench.call(services.EDIT_MISSION_QUEUE, request)
+
+
+def rides(world: World, *more: Pose2) -> None:
+    """Moves the robot along the waypoints of the ride, and to ``more``, until it has ended."""
+    for pose in (Pose2(1.7, 0.0, 0.0), Pose2(4.0, 1.0, 0.5), Pose2(4.0, 3.0, 0.0), *more):
+        world.goal(pose.x if pose.x != 1.7 else 2.0)
+        world.pose = pose
+        world.bench.run(2.0)
+    world.state("COMPLETED")
+    world.pose = Pose2(0.0, 0.0, 0.0)
+
+
+def test_orders_wait_for_one_touch_after_a_kill_and_then_run_one_after_the_other(world):
+    queue = world.bench.listen(topics.MISSION_QUEUE)
+    world.launch()
+    for order_id in ("a", "b", "a"):
+        assert edit(world, "ADD", order_id).success
+    world.kill()
+    world.launch()
+    told = queue.wait(lambda q: q.held_by == MissionQueue.RESTART and q.orders, "the queue")
+    assert [(order.id, order.origin) for order in told.orders] == [("a", "fleet"), ("b", "fleet")]
+    world.bench.run(20.0)
+    assert world.navigation.goals == [], "nothing moves by itself"
+
+    assert edit(world, "RELEASE").success
+    rides(world)
+    rides(world)
+    world.bench.run(10.0)
+    ended = [(order.id, order.state) for order in queue.last.ended]
+    assert ended == [("a", MissionOrder.COMPLETED), ("b", MissionOrder.COMPLETED)]
+    assert edit(world, "ADD", "a").success
+    world.bench.run(20.0)
+    assert world.status.last.state == "COMPLETED", "an id is one order"
+
+
+def test_an_order_waits_for_its_earliest_time(world):
+    world.launch()
+    assert edit(world, "RELEASE").success
+    begun_s = world.bench.now_s
+    stamp = world.bench.stamp()
+    stamp.sec += 60
+    assert edit(world, "ADD", "later", earliest=stamp).success
+    world.bench.run(55.0)
+    assert world.navigation.goals == []
+    world.state("RUNNING")
+    assert world.bench.now_s - begun_s >= 60.0
+
+
+def test_a_start_during_a_ride_is_queued_and_a_low_battery_ends_the_day(world):
+    (world.missions / "other.yaml").write_text(MISSION.replace("id: ride", "id: other"), encoding="utf-8")
+    queue = world.bench.listen(topics.MISSION_QUEUE)
+    world.launch()
+    assert edit(world, "RELEASE").success
+    world.command("START_MISSION", "ride")
+    assert world.command("START_MISSION", "other").last_command_accepted
+    assert [order.mission_id for order in queue.wait(lambda q: q.orders, "the order").orders] == ["other"]
+    world.safety_says("DEGRADED", "BATTERY_LOW")
+    assert "the battery is low" in queue.wait(lambda q: q.held_by == MissionQueue.BATTERY_LOW, "held").reason
+    rides(world, Pose2(0.0, 0.0, 0.0))  # home, where the charger is
+    world.bench.run(20.0)
+    assert world.status.last.state == "COMPLETED"
+    assert not edit(world, "RELEASE").success
+    world.safety_says("NORMAL")
+    assert edit(world, "RELEASE").success
+    assert world.state("RUNNING").mission_id == "other"
+
+
+def test_a_critical_battery_drives_to_the_safe_place_of_the_configuration(world):
+    world.launch()
+    world.command("START_MISSION", "ride")
+    world.goal(2.0)
+    world.safety_says("DEGRADED", "BATTERY_LOW", "BATTERY_CRITICAL")
+    assert "driving to the safe place 'base'" in world.state("RUNNING", "base").reason
+    world.goal(0.0)
+    assert "at the safe place 'base'" in world.state("PAUSED").reason
+    world.no_goal()
+    assert not world.command("RESUME").last_command_accepted
+    world.safety_says("NORMAL")
+    assert world.command("RESUME").state == "RUNNING"
+    world.goal(2.0)
+
+
+def test_lost_localization_stops_relocalizes_and_asks(world):
+    world.launch()
+    world.command("START_MISSION", "ride")
+    world.goal(2.0)
+    world.safety_says("DEGRADED", "LOCALIZATION_LOST")
+    assert "check the pose" in world.state("PAUSED").reason
+    world.no_goal()
+    world.safety_says("NORMAL")
+    world.bench.run(30.0)
+    assert world.status.last.state == "PAUSED", "it asks"
+    assert world.command("RESUME").state == "RUNNING"
+    world.goal(2.0)
+
+
+def test_the_destination_changes_during_the_ride(world):
+    (world.missions / "short.yaml").write_text(
+        MISSION.replace("id: ride", "id: short").replace("x: 2.0", "x: -3.0"), encoding="utf-8"
+    )
+    world.launch()
+    world.command("START_MISSION", "ride")
+    world.goal(2.0)
+    assert edit(world, "REPLACE", "new", "short").success
+    world.goal(-3.0)
+    assert world.status.last.mission_id == "short"
+    assert world.navigation.ended == ["aborted"], "without a cancellation, which would stop the robot"
