@@ -510,7 +510,7 @@ class NavigationController:
         if self._state is NavigationState.FOLLOWING and self._located is not None:
             now = moving(self._located.pose, self._twist)
         self._goal = None
-        self._follower.forget()
+        self._follower.forget(withdrawn=True)
         if now is not None and limits is not None:
             self._enter(Trigger.WITHDRAWN_MOVING)
             self._run(plan_stop(now, limits.cruise), end.text)

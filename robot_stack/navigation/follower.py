@@ -70,6 +70,7 @@ class RouteFollower:
         self.route: Path | None = None
         self._poses: tuple[Path, PoseFollower] | None = None
         self._goal: Pose2 | None = None
+        self._goal_before: Pose2 | None = None
         self._problem = ""
         self._asked = self._unreachable = False
         self._asked_with: tuple[bytes, Pose2] | None = None
@@ -91,9 +92,9 @@ class RouteFollower:
 
         Steps are allowed in any case: without a route the robot waits for one.
         """
-        if goal != self._goal:
+        if goal not in (self._goal, self._goal_before):
             self._without_way_s, self._progress_at, self._gave_way, self._waited_s = 0.0, None, 0, 0.0
-        self._goal = goal
+        self._goal, self._goal_before = goal, None
         self._sampling.reset()
         self._smoother.reset(twist)
         self._stuck_s = self._giving_s = 0.0
@@ -101,10 +102,14 @@ class RouteFollower:
         self._ask(located, footprint)
         return self._take()
 
-    def forget(self) -> None:
+    def forget(self, *, withdrawn: bool = False) -> None:
+        """withdrawn: by the client, which may send it again after a warning: the time waited still counts."""
         self._routes.drop()
-        self.route, self._goal, self._without_way_s, self._stuck_s = None, None, 0.0, 0.0
-        self._blocked_at, self._problem, self._asked_with, self._progress_at = None, "", None, None
+        self._goal_before = self._goal if withdrawn else None
+        if not withdrawn:
+            self._without_way_s, self._progress_at = 0.0, None
+        self.route, self._goal, self._stuck_s = None, None, 0.0
+        self._blocked_at, self._problem, self._asked_with = None, "", None
         self._giving_s = 0.0
         self._asked = self._unreachable = False
 

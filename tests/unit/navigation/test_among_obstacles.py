@@ -201,6 +201,32 @@ def test_only_way_blocked_waits_then_gives_up_with_the_reason() -> None:
     assert min(story.clearances) > 0.15
 
 
+@pytest.mark.parametrize(("goal", "again"), [(Pose2(13.0, 5.0, 0.0), True), (Pose2(13.0, 5.3, 0.0), False)])
+def test_waiting_counts_across_a_withdrawal_of_the_same_goal(goal: Pose2, again: bool) -> None:
+    """The mission manager withdraws a goal for its departure warning and sends it again."""
+    cells = corridor().occupancy.copy()
+    cells[:, 80] = OCCUPIED
+    cells[43:57, 80] = FREE
+
+    def closed(now_s: float, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        return (abs(x - 8.05) < 0.06) & ((abs(y - 5.0) > 0.7) | (now_s > 12.0))
+
+    story = Story(closed, Grid(0.1, 0.0, 0.0, cells))
+    story.go(Pose2(13.0, 5.0, 0.0))
+    story.until(lambda output: output.text.startswith("waiting: the only path is blocked"), 30.0)
+    begun_s = story.now_s
+    for _ in range(round(8.0 / 0.05)):
+        story.tick()
+    story.controller.cancel()
+    for _ in range(round(2.0 / 0.05)):
+        story.tick()
+    story.go(goal)
+    story.until(lambda output: "gave up" in output.text, 30.0)
+    give_up_s = params(use_costmap=True).follow.give_up_s
+    waited_s = story.now_s - begun_s - 2.0
+    assert waited_s == pytest.approx(give_up_s if again else 8.0 + give_up_s, abs=1.5)
+
+
 def test_robot_yields_to_crossing_pedestrian() -> None:
     def person(now_s: float, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
         return np.hypot(x - 8.0, y - (1.0 + 0.8 * (now_s - 10.0))) < 0.25
