@@ -12,6 +12,7 @@ from robot_stack.ui.snapshot import Docking, Limit, Order, Queue, Ride, Safety, 
 
 Section = dict[str, Any]
 _PLAN_POINTS_MAX = 200
+_EMPTY = "BATTERY_CRITICAL"
 # Texts for a robot that stands because of its ride.
 _STANDS_BY_RIDE: dict[str, str] = {
     MissionState.PAUSED: "PAUSED",
@@ -101,7 +102,9 @@ def standing_reasons(snapshot: Snapshot) -> list[str]:
     if snapshot.ride is None:
         return ["NO_MISSION_MANAGER"]
     reason = _STANDS_BY_RIDE.get(snapshot.ride.state)
-    return [reason] if reason else []
+    # It only limits the speed, but the mission manager pauses the ride for it.
+    empty = snapshot.ride.state == MissionState.PAUSED and _EMPTY in snapshot.safety.faults
+    return [*([_EMPTY] if empty else []), *([reason] if reason else [])]
 
 
 def _held(safety: Safety, limit: Limit | None) -> list[str]:

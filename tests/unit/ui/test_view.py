@@ -83,6 +83,13 @@ def test_sections_are_json_whatever_is_unknown() -> None:
         json.dumps(told, allow_nan=False)
 
 
+def test_a_ride_paused_for_the_battery_says_so() -> None:
+    empty = Safety("DEGRADED", ("BATTERY_CRITICAL",), 2.0, False)
+    assert view.standing_reasons(replace(WELL, safety=empty, ride=RIDE)) == []
+    paused = replace(RIDE, state="PAUSED")
+    assert view.standing_reasons(replace(WELL, safety=empty, ride=paused)) == ["BATTERY_CRITICAL", "PAUSED"]
+
+
 def test_orders_are_told_with_their_times_and_what_holds_them() -> None:
     waiting = Order("b", "tour", "fleet", 200, 1_700_000_000.4)
     queue = Queue("BATTERY_LOW", "queue held: " + "x" * 999, (waiting,), Order("a", "hop", "cli", 100, 0.0))
