@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 def load_library(config: ClientConfig) -> Library:
     """The implementation that ``config`` names. Raises EngineError if the vendor's library is missing or unfit."""
-    if config.engine == "vendor":
+    if config.engine == "vendor" and not config.bridged:
         from robot_stack.wmx.vendor import vendor_library
 
         return vendor_library(config.library_path, config.vendor_axes, config.vendor_io_bytes, config.status_stale_s)
@@ -44,10 +44,10 @@ def connect(name: str, config: ClientConfig | None = None, timeout_s: float | No
     library = load_library(config)
     api = library.WMX3Api()
     deadline = time.monotonic() + (config.connect_timeout_s if timeout_s is None else timeout_s)
-    # The simulated engine's process is started by others: waiting inside the call would not start it.
-    start_ms = round(1e3 * config.connect_timeout_s) if config.engine == "vendor" else 0
+    # The process of the simulated engine, or of the bridge, is started by others: waiting inside would not start it.
+    start_ms = round(1e3 * config.connect_timeout_s) if config.engine == "vendor" and not config.bridged else 0
     while True:
-        code = api.CreateDevice(config.path, 0, start_ms)
+        code = api.CreateDevice(config.device_path, 0, start_ms)
         if code == ErrorCode.PyNone:
             break
         if code not in PASSING or time.monotonic() >= deadline:

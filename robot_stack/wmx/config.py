@@ -230,6 +230,7 @@ class ClientConfig(Config):
     engine: Literal["simulated", "vendor"]
     path: str
     library_path: str
+    bridge: str = ""
     call_timeout_s: Positive
     status_stale_s: Positive
     connect_timeout_s: Positive
@@ -239,9 +240,21 @@ class ClientConfig(Config):
 
     @model_validator(mode="after")
     def _vendor_has_a_root(self) -> ClientConfig:
-        if self.engine == "vendor" and not self.path:
-            raise ValueError("path must name the installation of the vendor's engine, e.g. /opt/lmx/")
+        if self.engine == "vendor" and not (self.path or self.bridge):
+            raise ValueError(
+                "path must name the installation of the vendor's engine, e.g. /opt/lmx/, or bridge a folder"
+            )
         return self
+
+    @property
+    def bridged(self) -> bool:
+        """The vendor's engine runs behind the bridge, which a client reaches by the simulated engine's protocol."""
+        return self.engine == "vendor" and bool(self.bridge)
+
+    @property
+    def device_path(self) -> str:
+        """The path of CreateDevice."""
+        return self.bridge if self.bridged else self.path
 
 
 def load_engine_config() -> EngineConfig:

@@ -17,11 +17,12 @@ from robot_stack.ui.params import TouchUiParams
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "launch_scripts"
 UNIT, KIOSK = SCRIPTS / "robot-stack.service", SCRIPTS / "robot-stack-kiosk.service"
+BRIDGE = SCRIPTS / "robot-stack-wmx-bridge.service"
 needs_systemd = pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="no systemd on this machine")
 
 
 @needs_systemd
-@pytest.mark.parametrize("unit", [UNIT, KIOSK], ids=lambda path: path.name)
+@pytest.mark.parametrize("unit", [UNIT, KIOSK, BRIDGE], ids=lambda path: path.name)
 def test_the_unit_is_understood(unit: Path) -> None:
     done = subprocess.run(["systemd-analyze", "verify", str(unit)], capture_output=True, text=True, check=False)
     said = [line for line in done.stderr.splitlines() if "is not executable" not in line]  # not installed here

@@ -8,7 +8,7 @@ from collections import defaultdict
 import pytest
 
 ALL_VARIABLE = "ROBOT_STACK_WMX_CONFORMANCE"
-_THINNED = ("TestAdapterOnTheFake", "TestEngineProcess")
+_THINNED = ("TestAdapterOnTheFake", "TestEngineProcess", "TestBridge")
 _AT_MOST = 4
 _WHOLE = ("test_call_on_a_closed_device",)
 

@@ -56,6 +56,15 @@ class TestRobotsEngine:
         config = load_client_config()
         assert config.engine == "simulated"
         assert config.status_stale_s <= 0.1, "older than this, joint states would be stale"
+        assert not config.bridged
+
+    def test_bridge_replaces_the_vendors_module_and_nothing_else(self) -> None:
+        data = {**load_client_config().model_dump(), "bridge": "/run/wmx_bridge"}
+        simulated, vendor = (validate(ClientConfig, {**data, "engine": one}, "test") for one in ("simulated", "vendor"))
+        assert (simulated.bridged, simulated.device_path) == (False, "")
+        assert (vendor.bridged, vendor.device_path) == (True, "/run/wmx_bridge")
+        with pytest.raises(ConfigError, match="or bridge a folder"):
+            validate(ClientConfig, {**data, "engine": "vendor", "bridge": ""}, "test")
 
 
 BAD: dict[str, tuple[dict[str, Any], str]] = {

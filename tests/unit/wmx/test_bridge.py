@@ -1,0 +1,337 @@
+"""The engine bridge on the stand-in of the vendor's library, which is a client of a simulated engine."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from robot_stack.wmx import MotionEngine
+from robot_stack.wmx.api import EngineState, ErrorCode, OperationState, Profile, Velocity_TimedVelCommand
+from robot_stack.wmx.bridge import generate
+from robot_stack.wmx.engine_server.requests import METHODS
+from robot_stack.wmx.simulated.protocol import LARGEST_FRAME, SOCKET_FILE, Decoder, encode
+from tests.support.waiting import wait_for
+from tests.support.wmx.bridge import BridgeProcess, build
+from tests.unit.wmx.conformance import EngineConformance, cruising, vel
+from tests.unit.wmx.harness import (
+    N_AXES,
+    QUICK_STOP_DEC,
+    VEL,
+    VEL_MIRRORED,
+    Harness,
+    ProcessHarness,
+    engine_state,
+    runtime_folder,
+    status,
+    wait_status,
+)
+
+GOOD = ErrorCode.PyNone
+N_IO_BYTES = 4
+
+
+class BridgeHarness(Harness):
+    """A simulated engine in a process, and the bridge on it in another. ``folder`` is the bridge's."""
+
+    def __init__(self, program: Path, folder: Path, engine_folder: Path, **options: int) -> None:
+        super().__init__(folder)
+        self.config = self.config.model_copy(update={"engine": "vendor", "path": "/opt/lmx/", "bridge": str(folder)})
+        self.engine = ProcessHarness(engine_folder)
+        self._start = lambda: BridgeProcess(program, folder, engine_folder, N_AXES, N_IO_BYTES, **options)
+        self.bridge = self._start()
+
+    def restart(self) -> None:
+        """Another bridge takes over."""
+        self.bridge = self._start()
+
+    def end(self) -> None:
+        """Ends both processes."""
+        for process in (self.bridge.process, self.engine.process):
+            process.send_signal(signal.SIGCONT)
+            process.kill()
+            process.communicate()
+
+
+@pytest.fixture(scope="module")
+def program(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The bridge, compiled."""
+    return build(tmp_path_factory.mktemp("bridge"))
+
+
+@contextmanager
+def bridged(program: Path, **options: int) -> Iterator[BridgeHarness]:
+    """Yields a bridge of its own for one test."""
+    with runtime_folder() as folder, runtime_folder() as engine_folder:
+        harness = BridgeHarness(program, folder, engine_folder, **options)
+        try:
+            yield harness
+        finally:
+            harness.end()
+
+
+@pytest.fixture(scope="module")
+def running(program: Path) -> Iterator[BridgeHarness]:
+    with bridged(program) as harness:
+        yield harness
+
+
+@pytest.fixture
+def harness(running: BridgeHarness) -> Iterator[BridgeHarness]:
+    yield running
+    running.end_test()
+
+
+class TestBridge(EngineConformance):
+    """Every requirement for an implementation of the port."""
+
+
+# -- the tables --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", generate.FILES)
+def test_generated_tables_are_up_to_date(name: str) -> None:
+    text = (generate.FOLDER / name).read_text(encoding="utf-8")
+    assert text == generate.FILES[name](), "run python -m robot_stack.wmx.bridge.generate"
+
+
+# -- requests ----------------------------------------------------------------------------------------------------------
+
+
+def ask(connection: socket.socket, *message: object) -> list[object]:
+    """Sends a request and returns the answer without its number."""
+    connection.sendall(encode([1, *message]))
+    decoder = Decoder()
+    while True:
+        data = connection.recv(65536)
+        assert data, "the connection is closed"
+        for number, *answer in decoder.feed(data):
+            assert number == 1
+            return answer
+
+
+def test_every_request_of_the_engine_is_known(harness: BridgeHarness) -> None:
+    with harness.raw_socket() as connection:
+        codes = {method: ask(connection, method, *[None] * 9)[0] for method in METHODS}
+    assert codes == dict.fromkeys(METHODS, ErrorCode.ArgumentOutOfRange), "nine arguments are too many for any"
+
+
+@pytest.mark.parametrize("method", ["", "config.SetSomething", 7, None, ["config.GetGearRatio"], {"name": 1}])
+def test_unknown_request_is_refused(harness: BridgeHarness, method: object) -> None:
+    with harness.raw_socket() as connection:
+        assert ask(connection, method) == [ErrorCode.NoSupportedFunction]
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("axisControl.SetServoOn", [0]),
+        ("axisControl.SetServoOn", [0], 1, 1),
+        ("axisControl.SetServoOn", 0, 1),
+        ("axisControl.SetServoOn", [True], 1),
+        ("axisControl.SetServoOn", [0.0], 1),
+        ("axisControl.SetServoOn", [0] * 129, 1),
+        ("axisControl.SetServoOn", [0], 2**80),
+        ("motion.StartPos", [[0, 1.0]]),
+        ("motion.StartPos", [[0, 1.0, [0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0]]]),
+        ("motion.StartPos", [[0, "1", [0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]]]),
+        ("config.SetMotionParam", 0, [100.0, 1, 0]),
+        ("StartSpline", 0, [0], "AAAA", "AAAA"),
+        ("StartSpline", 0, [0], "not base64", ""),
+        ("SetAllParameters", [], []),
+        ("WMX3Api.SetDeviceName", {}),
+    ],
+    ids=str,
+)
+def test_bad_arguments_are_refused(harness: BridgeHarness, arguments: tuple[object, ...]) -> None:
+    with harness.raw_socket() as connection:
+        assert ask(connection, "CreateDevice", 0)[0] == GOOD
+        assert ask(connection, *arguments) == [ErrorCode.ArgumentOutOfRange]
+        assert ask(connection, "CloseDevice") == [GOOD]
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        struct.pack("<I", 0),
+        struct.pack("<I", LARGEST_FRAME + 1),
+        struct.pack("<I", 3) + b"[1]",
+        struct.pack("<I", 4) + b"\xff\xff\xff\xff",
+        struct.pack("<I", 10) + b'[[1],"abc"',
+        struct.pack("<I", 10) + b'[true,"ab"]'[:10],
+        struct.pack("<I", 2000) + b"[" * 2000,
+        struct.pack("<I", 8) + b'[01,"a"]',
+        struct.pack("<I", 11) + b'[1,"\xed\xa0\x80"] ]',
+    ],
+    ids=repr,
+)
+def test_sender_of_no_frame_is_disconnected(harness: BridgeHarness, data: bytes) -> None:
+    engine = harness.connect()
+    with harness.raw_socket() as connection:
+        connection.sendall(data)
+        assert connection.recv(1) == b""
+    assert engine.api.GetDeviceName() == (GOOD, "test"), "others are unharmed"
+
+
+def test_frames_may_arrive_in_pieces_and_together(harness: BridgeHarness) -> None:
+    with harness.raw_socket() as connection:
+        frames = encode([1, "CreateDevice", 0]) + encode([2, "WMX3Api.SetDeviceName", "Prüfling \N{WHEELCHAIR SYMBOL}"])
+        for byte in frames[:-1]:
+            connection.sendall(bytes([byte]))
+        connection.sendall(frames[-1:] + encode([3, "WMX3Api.GetDeviceName"]))
+        decoder, answers = Decoder(), []
+        while len(answers) < 3:
+            answers += decoder.feed(connection.recv(65536))
+        assert [answer[:2] for answer in answers] == [[1, GOOD], [2, GOOD], [3, GOOD]]
+        assert answers[2][2] == "Prüfling \N{WHEELCHAIR SYMBOL}"
+        assert ask(connection, "CloseDevice") == [GOOD]
+
+
+# -- the ends of a process ---------------------------------------------------------------------------------------------
+
+
+def timed(velocity: float, time_ms: float) -> Velocity_TimedVelCommand:
+    return Velocity_TimedVelCommand(VEL, time_ms, Profile.SetupTimeAccTrapezoidal(velocity, 100.0, 100.0))
+
+
+_VICTIM = """
+import sys
+from pathlib import Path
+from tests.unit.wmx.harness import Harness, VEL
+from tests.unit.wmx.test_bridge import timed
+engine = Harness(Path(sys.argv[1])).ready("victim")
+assert engine.core_motion.velocity.StartVel_TimedVel(timed(5.0, 2000.0)) == 0
+print("moving", flush=True)
+sys.stdin.read()
+"""
+
+
+def test_timed_velocity_ends_and_the_device_closes_after_its_client_was_killed(program: Path) -> None:
+    with bridged(program, orphan_ms=1000) as harness:
+        observer = harness.connect("observer")
+        victim = subprocess.Popen(
+            [sys.executable, "-c", _VICTIM, str(harness.folder)], stdin=subprocess.PIPE, stdout=subprocess.PIPE
+        )
+        assert victim.stdout is not None
+        assert victim.stdout.readline() == b"moving\n"
+        wait_status(observer, cruising(VEL, 5.0), "motion")
+        victim.kill()
+        victim.communicate()
+        assert observer.api.GetAllDevices()[1].count == 2, "it keeps its device for a while"
+        wait_status(observer, lambda now: now.op_state[VEL] == OperationState.Idle, "the dead-man")
+        wait_for(lambda: observer.api.GetAllDevices()[1].count == 1, "its device to be closed")
+        assert status(observer).servo_on.all()
+
+
+def test_last_client_killed_ends_the_engine(program: Path) -> None:
+    with bridged(program, orphan_ms=200) as harness:
+        with harness.raw_socket() as connection:
+            assert ask(connection, "CreateDevice", 0)[0] == GOOD
+            assert engine_state(harness.engine.folder) is EngineState.Running
+        wait_for(lambda: engine_state(harness.engine.folder) is EngineState.Idle, "the engine to end")
+        wait_for(lambda: engine_state(harness.folder) is EngineState.Idle, "the bridge to show it")
+
+
+def test_killed_bridge_gives_clear_codes_and_a_new_one_takes_over(program: Path) -> None:
+    with bridged(program) as harness:
+        harness.config = harness.config.model_copy(update={"status_stale_s": 0.5})
+        engine = harness.ready()
+        harness.bridge.kill()
+        assert engine.core_motion.velocity.Stop(VEL) == ErrorCode.IMLibIsNotRunning
+        wait_for(lambda: engine.read_status()[0] == ErrorCode.StatusChannelError, "the status to go stale")
+        assert not engine.api.IsDeviceValid()
+        harness.restart()
+        assert engine.read_status()[0] == ErrorCode.DeviceIsNull
+        assert engine.api.CreateDevice(str(harness.folder), 0, 20000) == GOOD
+        assert status(engine).communicating, "the engine has not noticed"
+
+
+def test_killed_engine_ends_every_device(program: Path) -> None:
+    with bridged(program) as harness:
+        engine = harness.ready()
+        harness.engine.process.kill()
+        assert engine.core_motion.velocity.Stop(VEL) in (ErrorCode.IMLibIsNotRunning, ErrorCode.DeviceIsNull)
+        wait_for(lambda: engine.read_status()[0] == ErrorCode.DeviceIsNull, "the bridge to notice")
+        code = engine.api.CreateDevice(str(harness.folder), 0, 0)
+        assert code in (ErrorCode.IMLibIsNotRunning, ErrorCode.EngineNotStartedInSpecifiedTime)
+
+
+def test_hanging_engine_makes_the_status_stale(program: Path) -> None:
+    with bridged(program) as harness:
+        harness.config = harness.config.model_copy(update={"call_timeout_s": 0.2, "status_stale_s": 0.2})
+        engine = wait_for(lambda: _communicating(harness), "a device")
+        harness.engine.process.send_signal(signal.SIGSTOP)
+        assert engine.api.SetDeviceName("late") == ErrorCode.APIChannelTimeOut
+        wait_for(lambda: engine.read_status()[0] == ErrorCode.StatusChannelError, "stale status")
+
+
+def _communicating(harness: Harness) -> MotionEngine | None:
+    engine = harness.connect()
+    return engine if engine.api.StartCommunication(20000) == GOOD else None
+
+
+def test_sigterm_stops_the_axes_before_the_bridge_ends(program: Path) -> None:
+    with bridged(program) as harness:
+        engine = harness.ready()
+        with harness.engine.raw_socket() as connection:  # a client of the engine itself keeps it running
+            assert ask(connection, "CreateDevice", 0)[0] == GOOD
+            assert engine.core_motion.velocity.StartVel(vel(VEL, 100.0, acc=0.0)) == GOOD
+            assert engine.core_motion.velocity.StartVel(vel(VEL_MIRRORED, -10.0)) == GOOD
+            wait_status(engine, cruising(VEL, 100.0), "motion")
+            harness.bridge.process.send_signal(signal.SIGTERM)
+            slowing = wait_status(engine, lambda now: 0.0 < now.velocity_cmd[VEL] < 100.0, "the ramp")
+            assert slowing.servo_on[VEL]
+            assert abs(slowing.reals[7, VEL]) == pytest.approx(QUICK_STOP_DEC)
+            assert harness.bridge.stop() == 0
+            wait_for(lambda: not _moving(harness.engine.folder), "rest")
+            assert engine_state(harness.engine.folder) is EngineState.Communicating
+        assert not (harness.folder / SOCKET_FILE).exists()
+
+
+def _moving(folder: Path) -> bool:
+    from robot_stack.wmx.simulated.channel import StatusView
+
+    return bool(StatusView(folder, 5.0).read()[1].op_state.any())
+
+
+def test_second_bridge_in_the_same_folder_is_refused(harness: BridgeHarness, program: Path) -> None:
+    command = [str(program), "--folder", str(harness.folder), "--root", "/nowhere"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+    assert done.returncode == 1
+    assert "another motion engine runs in this folder" in done.stderr
+    assert engine_state(harness.folder) is EngineState.Idle, "the first one is unharmed"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ([], "--folder and --root must be given"),
+        (["--folder"], "--folder needs a value"),
+        (["--axes", "0"], "--axes must be in 1..128, is 0"),
+        (["--axes", "many"], "--axes must be in 1..128, is many"),
+        (["--speed", "1"], "there is no option --speed"),
+    ],
+)
+def test_bad_options_are_one_line(program: Path, options: list[str], message: str) -> None:
+    done = subprocess.run([str(program), *options], capture_output=True, text=True, timeout=60.0, check=False)
+    assert (done.returncode, done.stderr) == (1, f"wmx_bridge: {message}\n")
+
+
+def test_files_are_for_owner_and_group_only(harness: BridgeHarness) -> None:
+    assert os.stat(harness.folder / SOCKET_FILE).st_mode & 0o777 == 0o660
+    assert os.stat(harness.folder / "engine.status").st_mode & 0o777 == 0o640
+
+
+def test_status_is_at_most_some_cycles_old(harness: BridgeHarness) -> None:
+    engine = harness.communicating()
+    ages = [status(engine).age_s(time.monotonic_ns()) for _ in range(200)]
+    assert min(ages) < 0.01
