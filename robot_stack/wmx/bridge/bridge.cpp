@@ -129,7 +129,7 @@ struct ToRow {
     void real(int row, double field, bool) { into.reals[row * into.n_axes + axis] = field; }
 };
 
-// The bridge's own device and the status page. Every member function takes the lock.
+// The bridge's own device and the status page.
 class Engine {
 public:
     Engine() : status_(options.axes, options.io_bytes, options.io_bytes) {
@@ -153,10 +153,8 @@ public:
         return 0;
     }
 
-    std::int64_t epoch() {
-        std::lock_guard lock(mutex_);
-        return epoch_;
-    }
+    // Without the lock: a command is carried out even if the reading of the status hangs.
+    std::int64_t epoch() const { return epoch_; }
 
     // A client's device is closed. The bridge's own one is closed with the last.
     void release(std::int64_t epoch) {
@@ -205,7 +203,8 @@ private:
     std::unique_ptr<page::Writer> writer_;
     page::Status status_;
     CoreMotionStatus theirs_;
-    std::int64_t epoch_ = 0, counter_ = -1, seen_ns_ = 0, good_ns_ = 0, grace_ns_ = 0;
+    std::atomic<std::int64_t> epoch_ = 0;
+    std::int64_t counter_ = -1, seen_ns_ = 0, good_ns_ = 0, grace_ns_ = 0;
     std::size_t users_ = 0;
     bool wanted_ = false;
     int failure_ = 0;
@@ -241,12 +240,14 @@ private:
 
     void close_own() {
         if (own_) own_->close();
+        own_.reset();
         lose();
     }
 
     // No device outlives this.
     void lose() {
-        own_.reset();
+        // The engine may still know the device, or hang.
+        if (own_) std::thread([lost = std::move(own_)] { lost->close(); }).detach();
         users_ = 0;
         grace_ns_ = 0;
         ++epoch_;
@@ -442,7 +443,7 @@ private:
         auto method = message[1].as<std::string>();
         List arguments(message.begin() + 2, message.end());
         if (!method) return {NO_SUPPORTED_FUNCTION, {}};
-        if (session_ && session_->epoch != engine->epoch()) session_.reset();
+        if (session_ && session_->epoch != engine->epoch()) drop();
         auto own = OWN.find(*method);
         auto request = REQUESTS.find(*method);
         if (own == OWN.end() && request == REQUESTS.end()) return {NO_SUPPORTED_FUNCTION, {}};
@@ -678,7 +679,7 @@ private:
     // A client that is gone without closing its device: the engine keeps it for a while, as after a crash.
     void orphan() {
         for (std::int64_t until = now_ns() + options.orphan_ms * MS; session_ && !closing && now_ns() < until;) {
-            if (session_->epoch != engine->epoch()) session_.reset();
+            if (session_->epoch != engine->epoch()) break;
             std::this_thread::sleep_for(std::chrono::milliseconds(20));
         }
         drop();
