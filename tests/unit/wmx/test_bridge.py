@@ -182,6 +182,15 @@ def test_sender_of_no_frame_is_disconnected(harness: BridgeHarness, data: bytes)
     assert engine.api.GetDeviceName() == (GOOD, "test"), "others are unharmed"
 
 
+def test_fields_that_the_port_does_not_know_are_kept(harness: BridgeHarness) -> None:
+    """The stand-in refuses a block of homing whose further fields have changed."""
+    config = harness.connect().core_motion.config
+    code, param = config.GetHomeParam(0)
+    assert code == GOOD
+    param.homePosition = 1.5
+    assert config.SetHomeParam(0, param) == (GOOD, param)
+
+
 def test_frames_may_arrive_in_pieces_and_together(harness: BridgeHarness) -> None:
     with harness.raw_socket() as connection:
         frames = encode([1, "CreateDevice", 0]) + encode([2, "WMX3Api.SetDeviceName", "Prüfling \N{WHEELCHAIR SYMBOL}"])
@@ -265,18 +274,31 @@ def test_killed_engine_ends_every_device(program: Path) -> None:
         assert code in (ErrorCode.IMLibIsNotRunning, ErrorCode.EngineNotStartedInSpecifiedTime)
 
 
-def test_hanging_engine_makes_the_status_stale(program: Path) -> None:
+def test_answer_comes_after_the_effect_on_the_status(program: Path) -> None:
+    with bridged(program, period_us=100_000) as harness:
+        engine = harness.ready()
+        for moving in (True, False):
+            if moving:
+                assert engine.core_motion.velocity.StartVel(vel(VEL, 5.0)) == GOOD
+            else:
+                assert engine.core_motion.axisControl.SetServoOn(VEL, 0) == GOOD
+                assert engine.api.StopCommunication() == GOOD
+            assert bool(status(engine).op_state[VEL]) is moving
+
+
+@pytest.mark.parametrize("communicating", [True, False])
+def test_hanging_engine_makes_the_status_stale(program: Path, communicating: bool) -> None:
     with bridged(program) as harness:
         harness.config = harness.config.model_copy(update={"call_timeout_s": 0.2, "status_stale_s": 0.2})
-        engine = wait_for(lambda: _communicating(harness), "a device")
+        engine = wait_for(lambda: _connected(harness, communicating), "a device")
         harness.engine.process.send_signal(signal.SIGSTOP)
         assert engine.api.SetDeviceName("late") == ErrorCode.APIChannelTimeOut
         wait_for(lambda: engine.read_status()[0] == ErrorCode.StatusChannelError, "stale status")
 
 
-def _communicating(harness: Harness) -> MotionEngine | None:
+def _connected(harness: Harness, communicating: bool) -> MotionEngine | None:
     engine = harness.connect()
-    return engine if engine.api.StartCommunication(20000) == GOOD else None
+    return engine if not communicating or engine.api.StartCommunication(20000) == GOOD else None
 
 
 def test_sigterm_stops_the_axes_before_the_bridge_ends(program: Path) -> None:
