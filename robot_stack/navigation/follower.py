@@ -221,18 +221,15 @@ class RouteFollower:
         # A person just out of an occlusion may stand without having been seen walking.
         everybody = self._around.people if self._around.seeing else ()
         people = _rows(everybody, now_s, self._params.people)
-        twist = None
+        gap_m, twist = nearest_m(pose, footprint, people), None
         near_m, room_m = (
             (p.watch_m, p.watch_m) if no_way and any(one.walked for one in everybody) else (p.near_m, p.room_m)
         )
-        # People who walk past wait for nothing.
-        waiting = _rows(tuple(one for one in everybody if not one.walks), now_s, self._params.people)
-        waits_m = nearest_m(pose, footprint, waiting)
-        if self._giving_s < p.most_s and waits_m < (room_m if giving else near_m):
+        if self._giving_s < p.most_s and gap_m < (room_m if giving else near_m):
             margin_m = self._params.local.governor_margin_m
             twist = way_out(pose, footprint, self._local(), people, margin_m, p, room_m)
-        coming = _rows(tuple(one for one in everybody if one.comes_to(pose.x, pose.y)), now_s, self._params.people)
-        if twist is None and giving and self._giving_s < p.most_s and nearest_m(pose, footprint, coming) < p.watch_m:
+        walkers = _rows(tuple(one for one in everybody if one.walks), now_s, self._params.people)
+        if twist is None and giving and self._giving_s < p.most_s and nearest_m(pose, footprint, walkers) < p.watch_m:
             twist = ZERO_TWIST
         if twist is not None:
             self.recoveries += not giving

@@ -48,10 +48,6 @@ class Person:
         ahead_s = time_s - self.stamp_s if self.walks else 0.0
         return self.x + ahead_s * self.vx, self.y + ahead_s * self.vy
 
-    def comes_to(self, x: float, y: float) -> bool:
-        """True if the person walks nearer to (x, y)."""
-        return self.walks and (x - self.x) * self.vx + (y - self.y) * self.vy > 0.0
-
 
 def confirmed(people: Iterable[Person], sightings: int) -> list[Person]:
     """Those seen in at least ``sightings`` costmaps."""
