@@ -151,7 +151,13 @@ class Pipeline:
             space.mark_slow_hidden_body(body, vx_mps, vy_mps, pose)
         walking = space.appeared(look, pose)
         for body, vx_mps, vy_mps in trackers.walking.look(walking, look.stamp_s, space.is_visible):
-            space.mark_hidden_body(body, vx_mps, vy_mps, pose)
+            if not space.stands_in_view(body, vx_mps, vy_mps):
+                space.mark_hidden_body(body, vx_mps, vy_mps, pose)
+        walkers = self._trackers.walking, self._overhead_trackers.walking
+        for place in space.vanished(pose):
+            x, y, _ = place.tolist()
+            if not any(tracker.follows(x, y, look.stamp_s) for tracker in walkers):
+                space.mark_vanished(place[None], pose)
         wide = self._wide_space
         wide.chair(self.chair)
         wide.observe(wide_look, pose)

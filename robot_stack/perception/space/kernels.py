@@ -189,10 +189,12 @@ def stand(
 
 
 @compiled(error_model="numpy")
-def hold(state: Cells, passes: Any, corner: Corner, cell_m: float, pose: Floats, specks: Float) -> None:
+def hold(
+    state: Cells, passes: Any, held_s: Floats, corner: Corner, cell_m: float, pose: Floats, specks: Float, now_s: float
+) -> None:
     """Resets the passes through an occupied cell while there are returns from it or right beside it.
 
-    Call before ``look``. specks: (n, 3) base_link, m."""
+    Call before ``look``. specks: (n, 3) base_link, m. held_s: (rows, columns) when a cell was kept so."""
     rows, columns = state.shape
     for i in range(len(specks)):
         x, y = specks[i, 0], specks[i, 1]
@@ -203,7 +205,7 @@ def hold(state: Cells, passes: Any, corner: Corner, cell_m: float, pose: Floats,
         for r in range(max(row - 1, 0), min(row + 2, rows)):
             for c in range(max(column - 1, 0), min(column + 2, columns)):
                 if state[r, c] == OCCUPIED:
-                    passes[r, c] = 0
+                    passes[r, c], held_s[r, c] = 0, now_s
 
 
 @compiled(error_model="numpy")
@@ -215,6 +217,7 @@ def look(
     hit_s: Floats,
     hit_at_m: Floats,
     watched_s: Floats,
+    freed_s: Floats,
     ray_s: Floats,
     ray_m: Float,
     corner: Corner,
@@ -234,6 +237,7 @@ def look(
     """Updates the cells by the rays of one view; call ``mark`` before and ``fade`` after it.
 
     ray_m, ray_s: (rows, columns) height of the lowest recent ray, for ``lasts_s``, and its time, of any sensor.
+    freed_s: (rows, columns) when rays last freed a cell.
 
     own: rear, front, half width of the robot's own place, m, which is free. up, ground, passed, bare: as in
     ``View``. No ray passes below the top of an object hardly higher than the ground: ground observed in its place
@@ -287,8 +291,130 @@ def look(
                     passes[row, column] += 1
                     if passes[row, column] >= limits[PASSES]:
                         state[row, column] = FREE if least <= limits[FREE_BELOW_M] else UNSEEN
+                        freed_s[row, column] = now_s
             elif was == UNSEEN and least <= limits[FREE_BELOW_M]:
                 state[row, column] = FREE
+
+
+@compiled(error_model="numpy")
+def vanished(
+    state: Cells,
+    thing_m: Float,
+    hit_s: Floats,
+    since_s: Floats,
+    held_s: Floats,
+    freed_s: Floats,
+    ray_s: Floats,
+    ray_m: Float,
+    corner: Corner,
+    cell_m: float,
+    pose: Floats,
+    own: Floats,
+    limits: Floats,
+    apart: int,
+    near: int,
+    moved: int,
+    stood_s: float,
+    recent_s: float,
+    lasts_s: float,
+    now_s: float,
+    out: Floats,
+) -> int:
+    """Cells that this view freed although the object did not go on in view: it is in the unobserved space beside them.
+
+    Call after ``look``. The object was observed in the cell for ``stood_s`` and until less than ``recent_s`` ago. Since
+    then nothing returned within ``near`` cells, nothing new within ``moved`` cells, and on the straight way to ``own``
+    a place within ``near`` cells is passed above the object, or above a person, only. lasts_s: age of recent rays.
+    out: (n, 3) x, y in odom and the height of the object. Returns their number.
+    """
+    rows, columns = state.shape
+    count = 0
+    for row in range(moved + apart, rows - moved - apart):
+        for column in range(moved + apart, columns - moved - apart):
+            hit, top = max(hit_s[row, column], held_s[row, column]), thing_m[row, column]
+            if freed_s[row, column] != now_s or now_s - hit > recent_s or hit - since_s[row, column] < stood_s:
+                continue
+            if top <= limits[LOW_M] or count >= len(out):
+                continue
+            x, y = (column + corner[0] + 0.5) * cell_m, (row + corner[1] + 0.5) * cell_m
+            if not _hides(ray_s, ray_m, corner, cell_m, pose, own, x, y, top, near, limits, now_s - lasts_s):
+                continue
+            if _goes_on(state, hit_s, since_s, row, column, near, moved, apart, hit, now_s - lasts_s):
+                continue
+            out[count, 0], out[count, 1], out[count, 2] = x, y, top
+            count += 1
+    return count
+
+
+@compiled(error_model="numpy")
+def _hides(
+    ray_s: Floats,
+    ray_m: Float,
+    corner: Corner,
+    cell_m: float,
+    pose: Floats,
+    own: Floats,
+    x: float,
+    y: float,
+    top: float,
+    near: int,
+    limits: Floats,
+    since_s: float,
+) -> bool:
+    """True if on the way from (x, y) to the robot's own place a stretch of ``near`` cells, or all that is left, begins
+    at most ``near`` cells away in which no ray is low enough: more than the gap between two rings."""
+    dx, dy = x - pose[0], y - pose[1]
+    u, v = pose[2] * dx + pose[3] * dy, pose[2] * dy - pose[3] * dx
+    to_u, to_v = min(max(u, own[0]), own[1]) - u, min(max(v, -own[2]), own[2]) - v
+    away_m = math.sqrt(to_u * to_u + to_v * to_v)
+    shows_m = min(top - limits[MARGIN_M], limits[WATCHED_BELOW_M])
+    hidden = 0
+    for step in range(1, 2 * near + 1):
+        if step * cell_m >= away_m:
+            break
+        share = step * cell_m / away_m
+        on_x = x + share * (pose[2] * to_u - pose[3] * to_v)
+        on_y = y + share * (pose[3] * to_u + pose[2] * to_v)
+        row, column = math.floor(on_y / cell_m) - corner[1], math.floor(on_x / cell_m) - corner[0]
+        if ray_s[row, column] < since_s or ray_m[row, column] > shows_m:
+            hidden += 1
+            if hidden == near:
+                return True
+        elif hidden or step >= near:
+            return False
+    return hidden > 0
+
+
+@compiled(error_model="numpy")
+def _goes_on(
+    state: Cells,
+    hit_s: Floats,
+    since_s: Floats,
+    row: int,
+    column: int,
+    near: int,
+    moved: int,
+    apart: int,
+    hit: float,
+    fresh_s: float,
+) -> bool:
+    """True if there are returns since ``fresh_s`` within ``near`` cells, or within ``moved`` cells returns from cells
+    occupied since the ``hit``, with nothing older within ``apart`` cells: the object is seen there."""
+    for r in range(row - moved, row + moved + 1):
+        for c in range(column - moved, column + moved + 1):
+            if state[r, c] != OCCUPIED or hit_s[r, c] < fresh_s:
+                continue
+            if abs(r - row) <= near and abs(c - column) <= near:
+                return True
+            if since_s[r, c] < hit:
+                continue
+            new = True
+            for i in range(r - apart, r + apart + 1):
+                for j in range(c - apart, c + apart + 1):
+                    new &= not (state[i, j] == OCCUPIED and since_s[i, j] < hit)
+            if new:
+                return True
+    return False
 
 
 @compiled(error_model="numpy")

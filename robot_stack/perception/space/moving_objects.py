@@ -208,6 +208,15 @@ class MovingObjects:
                 taken.add(j)
         return [(*body, found.get(i)) for i, body in enumerate(bodies)]
 
+    def follows(self, x_m: float, y_m: float, stamp_s: float) -> bool:
+        """True if the place in odom may be part of a moving object that is tracked or predicted at the stamp."""
+        reach_m = 0.5 * self._params.widest_m
+        return any(
+            track.moves and math.hypot(x - x_m, y - y_m) <= reach_m
+            for track in self._tracks
+            for x, y, _ in track.places(stamp_s - track.at_s)[:1]
+        )
+
     def at(self, stamp_s: float, pose: Pose2) -> NDArray[np.float32]:
         """(n, 5) x, y, z, vx, vy in base_link at ``pose``, m, m/s: points of moving objects, predicted to the stamp."""
         found = [self._points(track, stamp_s) for track in self._tracks if track.moves and self._there(track, stamp_s)]

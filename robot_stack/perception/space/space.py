@@ -17,7 +17,7 @@ from robot_stack.core.geometry import Pose2, wrap_angle
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.perception.params import MovingObjectParams, SpaceParams
 from robot_stack.perception.space import kernels
-from robot_stack.perception.space.kernels import UNSEEN, Cells, Float, Floats
+from robot_stack.perception.space.kernels import OCCUPIED, UNSEEN, Cells, Float, Floats
 from robot_stack.perception.space.rolling import rolled
 from robot_stack.perception.space.view import View
 
@@ -25,6 +25,9 @@ _MOST_POINTS = 8000
 _STEP_S = 0.05
 _STANDS_M = 0.02
 _TINY = 1e-9
+_MOST_VANISHED = 200
+_MOVED_M = 1.0  # 2 m/s in the 0.5 s until the place that a body has left is freed
+_HIDDEN_MPS = 0.5  # assumed where only the way counts
 _HIDDEN_M = 1.6  # before an attached chair, an object 0.25 m high is hidden for 1.5 m
 
 
@@ -49,8 +52,8 @@ class Space:
         self._thing_m, self._under_m = (np.zeros((count, count), np.float32) for _ in range(2))
         self._last = np.zeros((count, count, 3), np.float32)
         self._ray_m = np.zeros((count, count), np.float32)
-        self._hit_s, self._hit_at_m, self._watched_s, self._ray_s, self._since_s = (
-            np.full((count, count), -math.inf) for _ in range(5)
+        self._hit_s, self._hit_at_m, self._watched_s, self._ray_s, self._since_s, self._freed_s, self._held_s = (
+            np.full((count, count), -math.inf) for _ in range(7)
         )
         self._limits = np.array(
             [
@@ -122,10 +125,11 @@ class Space:
             now_s,
             self._travel_m,
         )
-        kernels.hold(self._state, self._passes, self._corner, cell_m, at, view.specks)
+        kernels.hold(self._state, self._passes, self._held_s, self._corner, cell_m, at, view.specks, now_s)
         kernels.look(
             *cells,
             self._watched_s,
+            self._freed_s,
             self._ray_s,
             self._ray_m,
             self._corner,
@@ -174,6 +178,29 @@ class Space:
         apart = round(p.moving_objects.apart_m / p.cell_m)
         return out[: kernels.appeared(*cells, _array(pose), hits, apart, after_s, out)]
 
+    def vanished(self, pose: Pose2) -> Floats:
+        """(n, 3) x, y in odom and height: places before unobserved space in which the last view lost an object that did
+        not go on in view. It is in that space, however slow it was. Call ``observe`` first."""
+        p, out = self._params, np.empty((_MOST_VANISHED, 3))
+        count = kernels.vanished(
+            *(self._state, self._thing_m, self._hit_s, self._since_s, self._held_s, self._freed_s),
+            *(self._ray_s, self._ray_m),
+            self._corner,
+            p.cell_m,
+            _array(pose),
+            self._beside(),
+            self._limits,
+            round(p.moving_objects.apart_m / p.cell_m),
+            round(p.enter_m / p.cell_m),
+            round(_MOVED_M / p.cell_m),
+            p.moving_objects.follow_s,
+            p.moving_objects.new_s,
+            0.5 * p.fade_s,
+            self._newest_s,
+            out,
+        )
+        return out[:count]
+
     def is_visible(self, x_m: float, y_m: float, top_m: float) -> bool:
         """True if rays at that place in odom are low enough to detect an object of height ``top_m``, and a person."""
         return self._is_passed(x_m, y_m, self._shows_m(top_m))
@@ -196,15 +223,49 @@ class Space:
 
         The visible rest of a slow body that gets hidden bends its course by up to 20 deg."""
         self.mark_hidden_body(body, vx_mps, vy_mps, pose)
+        towards = self._towards(body, pose)
+        if towards @ (vx_mps, vy_mps) > 0.0:
+            to_x, to_y = math.hypot(vx_mps, vy_mps) * towards
+            self.mark_hidden_body(body, float(to_x), float(to_y), pose)
+
+    def stands_in_view(self, body: Floats, vx_mps: float, vy_mps: float) -> bool:
+        """True if an object, last observed in motion as ``body``, (n, 3) x, y in odom, z, has stopped there.
+
+        At least half of it still returns, and rays below its top pass ahead of it: none of it is hidden. Nothing else
+        returns there, because static objects within ``apart_m`` are no part of a body."""
+        p, top_m = self._params, float(body[:, 2].max())
+        around = round(p.moving_objects.apart_m / p.cell_m)
+        cells = np.floor(body[:, [1, 0]] / p.cell_m).astype(np.int64) - self._corner[::-1]
+        fresh = (self._state == OCCUPIED) & (self._hit_s >= self._newest_s - 0.5 * p.fade_s)
+        returned = [
+            bool(fresh[max(r - around, 0) : r + around + 1, max(c - around, 0) : c + around + 1].any())
+            for r, c in cells.tolist()
+        ]
+        if np.mean(returned) < 0.5:
+            return False
+        course = np.array([vx_mps, vy_mps]) / max(math.hypot(vx_mps, vy_mps), _TINY)
+        front = body[np.argmax(body[:, :2] @ course), :2]
+        ahead = [
+            front + away_m * course
+            for away_m in np.arange(2.0 * p.cell_m, p.moving_objects.link_m + p.enter_m, p.cell_m)
+        ]
+        return all(self.is_visible_upright(float(x), float(y), top_m) for x, y in ahead)
+
+    def mark_vanished(self, places: Floats, pose: Pose2) -> None:
+        """Marks as occupied where the straight way from each place, a row of ``vanished``, to the footprint ends."""
+        for place in places:
+            to_x, to_y = _HIDDEN_MPS * self._towards(place[None], pose)
+            if to_x or to_y:
+                self.mark_hidden_body(place[None], float(to_x), float(to_y), pose)
+
+    def _towards(self, body: Floats, pose: Pose2) -> Floats:
+        """(2,) odom: unit vector from the body's middle to the footprint in force, 0 beside it."""
         rear, front, half = self._beside()
         x, y, c, s = _array(pose)
         dx, dy = body[:, 0].mean() - x, body[:, 1].mean() - y
         u, v = c * dx + s * dy, c * dy - s * dx
         to_u, to_v = min(max(u, rear), front) - u, min(max(v, -half), half) - v
-        away_m, towards = math.hypot(to_u, to_v), np.array([c * to_u - s * to_v, s * to_u + c * to_v])
-        if away_m > 0.0 and towards @ (vx_mps, vy_mps) > 0.0:
-            to_x, to_y = math.hypot(vx_mps, vy_mps) / away_m * towards
-            self.mark_hidden_body(body, float(to_x), float(to_y), pose)
+        return np.array([c * to_u - s * to_v, s * to_u + c * to_v]) / max(math.hypot(to_u, to_v), _TINY)
 
     def mark_hidden_body(self, body: Floats, vx_mps: float, vy_mps: float, pose: Pose2) -> None:
         """Marks where a moving object, last observed as ``body``, (n, 3) x, y in odom, z, may have gone as occupied.
@@ -292,6 +353,8 @@ class Space:
             self._hit_s = rolled(self._hit_s, rows, columns, -math.inf)
             self._hit_at_m = rolled(self._hit_at_m, rows, columns, -math.inf)
             self._watched_s = rolled(self._watched_s, rows, columns, -math.inf)
+            self._freed_s = rolled(self._freed_s, rows, columns, -math.inf)
+            self._held_s = rolled(self._held_s, rows, columns, -math.inf)
             self._ray_s = rolled(self._ray_s, rows, columns, -math.inf)
             self._ray_m = rolled(self._ray_m, rows, columns, 0.0)
 

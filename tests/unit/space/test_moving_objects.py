@@ -364,6 +364,33 @@ def test_lost_person_is_remembered_only_in_hidden_area() -> None:
     assert len(found) == 0 or found[:, 0].min() > 0.5  # never inside the robot
 
 
+def test_a_person_who_is_still_returned_has_stopped_in_view() -> None:
+    scanner = Scanner().look(times=3).look(NEAR, times=3)
+    there = np.array([[SEEN[0], y, 1.2] for y in (-0.1, 0.0, 0.1)])
+    assert scanner.space.stands_in_view(there, -0.5, 0.0)
+    assert not scanner.space.stands_in_view(there, 0.5, 0.0)  # hidden by itself
+    assert not scanner.space.stands_in_view(there + np.array([-0.5, 0.0, 0.0]), -0.5, 0.0)  # went on from there
+    assert not scanner.space.stands_in_view(
+        there * np.array([1.0, 1.0, 0.1]), -0.5, 0.0
+    )  # lower than the rays ahead of it
+    scanner.look()
+    scanner.now_s += PARAMS.fade_s
+    scanner.look()
+    assert not scanner.space.stands_in_view(there, -0.5, 0.0)  # no longer returned
+
+
+def test_a_moving_object_is_followed_to_its_predicted_place() -> None:
+    movers = MovingObjects(P)
+    now_s = follow(movers, 1.5, 1.0, noise=False)
+    movers.look(np.empty((0, 5)), now_s + 0.5, blind)
+    assert movers.follows(2.0, 0.5, now_s + 0.5)
+    assert not movers.follows(3.0, 0.5, now_s + 0.5)
+    standing = MovingObjects(P)
+    for number in range(10):
+        standing.look(body(2.0, 0.5), 10.0 + number * LOOK_S, blind)
+    assert not standing.follows(2.0, 0.5, 11.0)
+
+
 def test_visibility_requires_object_above_lowest_ray_and_outside_robot() -> None:
     scanner = Scanner(HIGH).look(vouch=True)
     assert not scanner.space.is_visible(*SEEN, 1.7)  # a child fits below rays at 1.2 m

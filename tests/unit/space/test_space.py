@@ -147,6 +147,62 @@ def test_enclosed_free_cells_stay_free_until_a_return_beside_them() -> None:
     assert scanner.look().at(*HOLLOW) == FREE
 
 
+def row_of(x_m: float, top_m: float = 0.5) -> list[tuple[float, float, float]]:
+    """Returns of an object 0.3 m wide across the way; the strip of ``look_past`` ends at 1.75 m."""
+    return [(x_m, y, top_m) for y in np.arange(-0.15, 0.16, 0.05)]
+
+
+def vanishes(scanner: Scanner) -> int:
+    """Places at which the views of half a second without returns lose an object."""
+    count = 0
+    for _ in range(5):
+        look_past(scanner)
+        count += len(scanner.space.vanished(IDENTITY))
+    return count
+
+
+@pytest.mark.parametrize("times", [5, 100], ids=["just arrived", "there for long"])
+def test_an_object_that_is_lost_beside_hidden_space_is_in_it(times: int) -> None:
+    scanner = Scanner()
+    look_past(scanner, *row_of(1.82), times=times)
+    assert vanishes(scanner) >= 4
+    places = np.array([[1.82, 0.0, 0.5]])
+    scanner.space.mark_vanished(places, IDENTITY)
+    assert scanner.at(1.37, 0.02) == OCCUPIED  # no farther than where rays would show it
+
+
+def test_an_object_that_goes_on_in_view_or_is_lost_elsewhere_is_not_in_hidden_space() -> None:
+    scanner = Scanner()
+    look_past(scanner, *row_of(3.0), times=5)
+    assert vanishes(scanner) == 0  # in the open
+    scanner = Scanner()
+    look_past(scanner, *row_of(1.82))
+    assert vanishes(scanner) == 0  # noise: one view
+    scanner = Scanner()
+    look_past(scanner, *row_of(1.82, PARAMS.low_m), times=5)
+    assert vanishes(scanner) == 0  # a kerb, or ground classified as one
+    for way_m in (0.02, 0.2):  # it leaves at 0.2 and at 2 m/s
+        scanner = Scanner()
+        look_past(scanner, *row_of(1.82), times=5)
+        for x in np.arange(1.82, 3.2, way_m):
+            look_past(scanner, *row_of(float(x)))
+            assert len(scanner.space.vanished(IDENTITY)) == 0, (way_m, x)
+
+
+def test_an_object_that_few_returns_keep_is_observed() -> None:
+    """The last of a creeping cart returns too little for an object for seconds."""
+    scanner = Scanner()
+    look_past(scanner, *row_of(1.82), times=5)
+    for _ in range(30):
+        scanner.now_s += 0.1
+        bare = scanner.view()
+        passed = bare.passed_m.copy()
+        passed[170:190, round(0.9 / BIN_M) : round(1.3 / BIN_M)] = np.inf
+        scanner.space.observe(replace(bare, specks=np.array(row_of(1.82), np.float32), passed_m=passed), IDENTITY)
+        assert len(scanner.space.vanished(IDENTITY)) == 0
+    assert vanishes(scanner) >= 4
+
+
 def test_enclosed_cells_that_were_not_free_stay_unseen() -> None:
     scanner = Scanner()
     look_past(scanner, times=20)

@@ -10,12 +10,13 @@ import math
 import numpy as np
 import pytest
 
-from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.perception.space.kernels import FREE, OCCUPIED, UNSEEN
 from robot_stack.safety.arbiter import Verdict
 from tests.unit.safety.story import Story
-from tests.unit.space.yard import ADULT, CHILD, DOG, POLE, ROBOT, Block, Post, Yard, near, state_at
+from tests.unit.space.yard import ADULT, CHILD, DOG, PARAMS, POLE, ROBOT, STEP_S, Block, Post, Yard, near, state_at
 
+P = PARAMS.space.moving_objects
 LOW_BOX = Post(0.15, 0.30)
 FOOTPRINT = {
     "ahead": (1.0, 0.0, 0.50),
@@ -326,3 +327,57 @@ def test_a_person_who_stops_slowly_before_the_passenger_and_leaves_is_not_rememb
     come(yard, "who", (3.2, 0.0), (2.4, 0.0), speed_mps).run(5.0)
     come(yard, "who", (2.4, 0.0), (4.5, 1.5), 1.0).run(1.0)
     assert verdict(yard, START).faults == ()
+
+
+def driven_up(**things: Block | Post) -> Yard:
+    """The robot has driven up with the chair, faster than in ``stopped_on_known_ground``, and stands."""
+    return Yard(chair=True, **things).run(3.0, Twist2(0.8, 0.0, 0.0)).run(1.2)
+
+
+@pytest.mark.parametrize(
+    ("robot_mps", "cart_mps", "top_m"),
+    [(0.0, 0.04, 0.5), (0.1, 0.15, 0.5), (0.1, 0.2, 0.3), (-0.2, 0.3, 0.5)],
+    ids=["creeping", "towards the moving robot", "low, towards the moving robot", "after the robot that backs off"],
+)
+def test_a_cart_that_went_before_the_knees_permits_no_start_however_slow_and_while_the_robot_moves(
+    robot_mps: float, cart_mps: float, top_m: float
+) -> None:
+    """The tracker of slow bodies needs 0.08 m/s and a robot that stands. The robot stops at what is stored."""
+    half_m, front_m = 0.30, ROBOT.footprint_with_chair.front_m
+    yard = driven_up(cart=Block(half_m, 0.25, 0.05, top_m))
+    yard.twist = Twist2(robot_mps, 0.0, 0.0)
+    front = yard.pose.x + front_m + (0.8 if top_m == 0.5 else 1.6)
+    while front > yard.pose.x + front_m + 0.15:
+        front -= cart_mps * STEP_S
+        yard.at["cart"] = (front + half_m, yard.pose.y)
+        if near(yard.step().obstacles, front_m + 0.1, 0.0) > 0:
+            yard.twist = ZERO_TWIST
+    yard.run(1.0)
+    assert "COLLISION_IMMINENT" in verdict(yard, START).faults
+    assert verdict(yard, Twist2(-0.3, 0.0, 0.0)).limit.linear_mps > 0.2
+
+
+def test_a_cart_that_crept_beside_the_chair_permits_no_turn_into_it() -> None:
+    yard = driven_up(cart=Block(0.30, 0.25, 0.05, 0.25))
+    to_m = 0.5 * ROBOT.footprint_with_chair.width_m + 0.08 + 0.25
+    come(yard, "cart", (1.1, to_m + 0.8), (1.1, to_m), 0.04).run(1.0)
+    assert "COLLISION_IMMINENT" in verdict(yard, TURN).faults
+    assert verdict(yard, Twist2(0.0, 0.0, -0.3)).limit.angular_radps > 0.1
+
+
+@pytest.mark.parametrize("speed_mps", [0.35, 0.6])
+def test_a_person_who_walks_up_stops_before_the_passenger_and_leaves_is_not_remembered(speed_mps: float) -> None:
+    """Seen upright all the time, although rays pass there above a child."""
+    yard, stands_m = driven_up(who=ADULT), ROBOT.footprint_with_chair.front_m + 1.2
+    come(yard, "who", (3.4, 0.0), (stands_m, 0.0), speed_mps).run(P.coast_s + 1.0)
+    assert "COLLISION_IMMINENT" not in verdict(yard, START).faults
+    come(yard, "who", (stands_m, 0.0), (4.5, 1.5), 1.0).run(1.0)
+    assert verdict(yard, START).faults == ()
+
+
+def test_a_person_who_stopped_before_the_passenger_and_bends_down_permits_no_start() -> None:
+    yard, stands_m = driven_up(who=ADULT, bent=Post(0.20, 0.50)), ROBOT.footprint_with_chair.front_m + 0.5
+    come(yard, "who", (3.4, 0.0), (stands_m, 0.0), 0.5).run(P.coast_s + 1.0)
+    yard.at["who"], yard.at["bent"] = None, yard.at["who"]
+    yard.run(1.0)
+    assert "COLLISION_IMMINENT" in verdict(yard, START).faults
