@@ -219,7 +219,8 @@ class RouteFollower:
             return None
         pose = located.pose.relative_to(self._around.map_to_odom)
         # A person just out of an occlusion may stand without having been seen walking.
-        everybody = self._around.people if self._around.seeing else ()
+        seen = self._around.everybody if no_way else self._around.people  # a group that leaves a way is an obstacle
+        everybody = seen if self._around.seeing else ()
         people = _rows(everybody, now_s, self._params.people)
         gap_m, twist = nearest_m(pose, footprint, people), None
         near_m, room_m = (

@@ -15,6 +15,8 @@ from robot_stack.navigation.params import PeopleParams
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 Indices = npt.NDArray[np.int64]
+# Share of a group's cells at its people.
+_GROUP_SHARE = 0.8
 _JOINED = np.ones((3, 3), np.int8)
 
 
@@ -37,6 +39,11 @@ class Person:
     walks: bool = False
     walked: bool = False
     apart_s: float = -math.inf
+
+    @property
+    def in_group(self) -> bool:
+        """Nothing separates the person from others."""
+        return self.stamp_s > self.apart_s
 
     @property
     def velocity(self) -> tuple[float, float]:
@@ -84,7 +91,7 @@ class PeopleTracker:
         for i, (seen, cells) in enumerate(found):
             person = self._filtered(self.people[matches[i]], seen) if i in matches else seen
             now.append(person)
-            if person.walks:
+            if person.walks and not person.in_group:
                 walking[cells] = True
         # A briefly occluded track continues.
         left = [person for k, person in enumerate(self.people) if k not in matches.values()]
@@ -95,8 +102,8 @@ class PeopleTracker:
     def _persons(self, stamp_s: float, x: Array, y: Array, resolution_m: float) -> list[tuple[Person, Mask]]:
         """Returns (person, its cells) in a cluster of cells at (n,) x, y.
 
-        A cluster of a person's size is one. In a larger one, a group or somebody beside an object, those who were
-        followed into it are found again.
+        A cluster of a person's size is one. A larger one is a group if those who were followed into it explain it: a
+        person beside an object is not found in it, since the object would be taken for the person once that is gone.
         """
         p = self._params
         size_m = _size_m(x, y, resolution_m)
@@ -109,6 +116,8 @@ class PeopleTracker:
         at = np.array([one.at(stamp_s) for one in inside])
         away_m = np.hypot(x[:, None] - at[:, 0], y[:, None] - at[:, 1])
         nearest, near = away_m.argmin(axis=1), away_m.min(axis=1) <= p.max_radius_m
+        if np.count_nonzero(near) < _GROUP_SHARE * len(x):
+            return []
         pieces = [(one, (nearest == k) & near) for k, one in enumerate(inside)]
         return [
             (self._seen(stamp_s, one.apart_s, x[piece], y[piece], resolution_m), piece)

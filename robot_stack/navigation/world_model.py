@@ -54,6 +54,11 @@ class WorldModel:
 
     @property
     def people(self) -> tuple[Person, ...]:
+        """In odom, without those in groups."""
+        return tuple(one for one in self._tracker.people if not one.in_group)
+
+    @property
+    def everybody(self) -> tuple[Person, ...]:
         """In odom."""
         return self._tracker.people
 
