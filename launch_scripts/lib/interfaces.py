@@ -1,6 +1,7 @@
 """Builds the interface packages (messages, services, actions) into the environment's prefix, as colcon would."""
 
 import os
+import shutil
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
@@ -24,11 +25,10 @@ def build_all(packages: Iterable[Path], prefix: Path, environment: dict[str, str
 
 def _build(package: Path, prefix: Path, environment: dict[str, str]) -> Path:
     build = prefix / "build" / package.name
-    build.mkdir(parents=True, exist_ok=True)
     log = build / "build.log"
-    log.unlink(missing_ok=True)
     cmake = str(prefix / "bin/cmake")
     before = installed(build)
+    empty(build)
     run_logged([cmake, *_configuration(package, prefix, build)], environment, log)
     run_logged([cmake, "--build", str(build), "--target", "install"], environment, log)
     for stale in before - installed(build):  # of definitions that the package has lost
@@ -36,10 +36,26 @@ def _build(package: Path, prefix: Path, environment: dict[str, str]) -> Path:
     return package
 
 
+def empty(build: Path) -> None:
+    """Empties a build folder but for the list of installed files, of which a build that fails must not lose track.
+
+    An incremental build after definitions were lost linked a library without some of its symbols.
+    """
+    kept = _manifest(build).read_bytes() if _manifest(build).exists() else None
+    shutil.rmtree(build, ignore_errors=True)
+    build.mkdir(parents=True)
+    if kept is not None:
+        _manifest(build).write_bytes(kept)
+
+
 def installed(build: Path) -> set[Path]:
     """The files of the last installation from a build folder."""
-    manifest = build / "install_manifest.txt"
+    manifest = _manifest(build)
     return {Path(line) for line in manifest.read_text().splitlines()} if manifest.exists() else set()
+
+
+def _manifest(build: Path) -> Path:
+    return build / "install_manifest.txt"
 
 
 def _configuration(package: Path, prefix: Path, build: Path) -> list[str]:

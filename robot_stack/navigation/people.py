@@ -73,15 +73,16 @@ class PeopleTracker:
 
     def update(self, stamp_s: float, lethal: Mask, known: Mask, resolution_m: float, x_m: float, y_m: float) -> Mask:
         """Takes a costmap's lethal cells; known: those of map obstacles. Returns the cells of walking people."""
-        # A person beside a wall is one cluster with it unless the wall's cells are left out.
-        unexplained = lethal & ~known
         # A side seen at a flat angle breaks into pieces: cells nearer than a person's width are one object.
-        joined = ndimage.binary_dilation(unexplained, _JOINED, max(1, round(self._params.join_m / 2.0 / resolution_m)))
+        joined = ndimage.binary_dilation(lethal, _JOINED, max(1, round(self._params.join_m / 2.0 / resolution_m)))
         labels, _ = ndimage.label(joined, structure=_JOINED)
         walking = np.zeros_like(lethal)
         found: list[tuple[Person, tuple[Indices, Indices]]] = []
         for index, window in enumerate(ndimage.find_objects(labels), start=1):
-            rows, columns = np.nonzero((labels[window] == index) & unexplained[window])
+            cluster = (labels[window] == index) & lethal[window]
+            if np.count_nonzero(cluster & known[window]) > 0.5 * np.count_nonzero(cluster):
+                continue
+            rows, columns = np.nonzero(cluster)
             rows, columns = rows + window[0].start, columns + window[1].start
             x, y = x_m + (columns + 0.5) * resolution_m, y_m + (rows + 0.5) * resolution_m
             for seen, piece in self._persons(stamp_s, x, y, resolution_m):
