@@ -32,10 +32,24 @@ def test_files_of_removed_definitions_are_uninstalled(monkeypatch: pytest.Monkey
             manifest = tmp_path / "build/messages/install_manifest.txt"
             manifest.write_text("".join(f"{file}\n" for file in files))
 
+    def fail(*_: object) -> None:
+        raise RuntimeError
+
     monkeypatch.setattr(interfaces, "run_logged", run)
-    for _ in range(2):
+
+    def build() -> None:
         assert list(interfaces.build_all([Path("messages")], tmp_path, {})) == [Path("messages")]
+
+    build()
+    left = tmp_path / "build/messages/a.o"
+    left.touch()
+    monkeypatch.setattr(interfaces, "run_logged", fail)
+    with pytest.raises(RuntimeError):
+        build()
+    monkeypatch.setattr(interfaces, "run_logged", run)
+    build()
     assert [name for name in "abc" if (tmp_path / name).exists()] == ["b", "c"]
+    assert not left.exists(), "nothing of an earlier build is linked"
 
 
 def test_any_change_of_a_definition_is_a_change(steps: ModuleType, tmp_path: Path) -> None:
