@@ -82,6 +82,7 @@ class EditQueue:
     """A request to change the queue. ADD and REPLACE carry the order with its mission, or the problem with it.
 
     operation: None if there is no such operation. order_id: for REMOVE and MOVE. steps: for MOVE, negative = earlier.
+    origin: of the request; None if it is unknown.
     """
 
     operation: Operation | None
@@ -89,6 +90,7 @@ class EditQueue:
     problem: str = ""
     order_id: str = ""
     steps: int = 0
+    origin: Origin | None = None
 
 
 def edit_queue(
@@ -107,15 +109,17 @@ def edit_queue(
         asked = Operation(operation)
     except ValueError:
         return EditQueue(None, problem=f"there is no operation {operation}")
+    origin_of = next((item for item in Origin if item.value == origin), None)
     if asked not in WITH_ORDER:
-        return EditQueue(asked, order_id=order_id, steps=steps)
+        return EditQueue(asked, order_id=order_id, steps=steps, origin=origin_of)
+    if origin_of is None:
+        return EditQueue(asked, problem=f"there is no origin {origin[:64]!r}; known: {', '.join(Origin)}")
     try:
-        origin_of, mission = Origin(origin), find(mission_id)
+        mission = find(mission_id)
     except MissionError as error:
         return EditQueue(asked, problem=str(error))
-    except ValueError:
-        return EditQueue(asked, problem=f"there is no origin {origin[:64]!r}; known: {', '.join(Origin)}")
-    return EditQueue(asked, Order(order_id, mission_id, origin_of, priority, earliest_s, mission=mission))
+    order = Order(order_id, mission_id, origin_of, priority, earliest_s, mission=mission)
+    return EditQueue(asked, order, origin=origin_of)
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from enum import Enum
 
+from robot_stack.contract.states import DOCKING, DockingState
 from robot_stack.core.departure import SETTING_OUT, Departure, DepartureParams
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.goals import NAVIGATION, NavigationGoals
@@ -105,7 +106,7 @@ class MissionKernel:
         self._announcements = display.Announcements(params.announcement_s)
         self._record = restored(record or Record())
         self._before = self._record
-        self._leg = Leg(params)
+        self._leg = self._leg_before = Leg(params)
         self._departure = Departure(departure)
         self._speed = route.MeanSpeed(params.eta_speed_time_constant_s)
         self._reporting = status.Reporting(1.0 / params.status_rate_hz)
@@ -118,7 +119,8 @@ class MissionKernel:
         self._answer = status.Answer()
         self._asker = _Asker.NOBODY
         self._hold = Hold()
-        self._rested_s = 0.0  # since the last mission ended
+        self._ended_s = 0.0  # since the last mission ended
+        self._rested_s = 0.0  # since then, without anything else that moves the robot or keeps it
         self._lost_s = 0.0  # for which localization has been lost
         self._reported_queue: QueueReport | None = None
         self.queue_answer = QueueAnswer()  # to the last EditQueue
@@ -208,11 +210,13 @@ class MissionKernel:
     def _queue_up(self, mission: Mission) -> tuple[Effect, ...]:
         """START_MISSION during a mission. A second touch of the same button is not a second ride."""
         running = self._record.mission.id if self._record.mission else ""
-        waiting = self._record.queue.orders
+        touched = [order.mission_id for order in self._record.queue.orders if order.origin is Origin.UI_COMMAND]
         if mission.id == running:
             return self._refuse(f"mission {running!r} is {self._record.state.value}; ABORT it first")
-        if waiting and waiting[-1].origin is Origin.UI_COMMAND and waiting[-1].mission_id == mission.id:
-            return self._refuse(f"mission {mission.id!r} is the last in the queue already")
+        if mission.id in touched:
+            return self._refuse(f"mission {mission.id!r} is in the queue already")
+        if len(touched) >= orders.MAX_UI_COMMANDS:
+            return self._refuse(f"{len(touched)} missions wait already; staff can add more to the queue")
         try:
             queue, order = self._record.queue.named(mission)
             return self._save_queue(queue.added(order))
@@ -304,7 +308,7 @@ class MissionKernel:
         assert target is not None, f"{trigger} in {self._record.state}"
         self._before = self._record
         self._record = replace(record, state=target, reason=reason, queue=self._queue_in(target, record))
-        self._leg = Leg(self._params, goal_due=goal_due)
+        self._leg_before, self._leg = self._leg, Leg(self._params, goal_due=goal_due)
         self._departure.drop()
         self._held = ""
         return self._save()
@@ -334,7 +338,7 @@ class MissionKernel:
                     raise QueueRefusal(request.problem)
                 known = queue.checked(request.order)
                 if known is not None and (request.operation is Operation.ADD or known.state is not OrderState.QUEUED):
-                    return self._answer_edit(f"the order {known.id!r} is known, it is {known.state.name}")
+                    return self._answer_known(request.operation, known)
                 if request.operation is Operation.REPLACE:
                     return self._replace_mission(request.order, inputs)
                 queue = queue.added(request.order)
@@ -353,11 +357,20 @@ class MissionKernel:
                 self._hold.hold(HeldBy.STAFF)
                 return self._answer_edit(self._hold.reason)
             case Operation.RELEASE:
-                problem = self._may_not_go(inputs) or self._battery_low(inputs)
+                problem = self._may_not_go(inputs) or self._battery_low(inputs) or self._docked(inputs)
+                if request.origin is Origin.FLEET:
+                    problem = "only a person releases the queue"
                 if problem:
                     raise QueueRefusal(problem)
                 self._hold.release()
                 return self._answer_edit("orders start one after the other")
+
+    def _answer_known(self, operation: Operation, known: Order) -> tuple[Effect, ...]:
+        text = f"the order {known.id!r} is known, it is {known.state.name}"
+        wanted = known.state in (OrderState.QUEUED, OrderState.UNDER_WAY, OrderState.COMPLETED)
+        if not wanted or (operation is Operation.REPLACE and known.state is not OrderState.UNDER_WAY):
+            raise QueueRefusal(text)
+        return self._answer_edit(text)
 
     def _answer_edit(self, message: str) -> tuple[Effect, ...]:
         self.queue_answer = QueueAnswer(True, message)
@@ -394,7 +407,7 @@ class MissionKernel:
         if held is not None:
             self._hold.hold(held)
         ended = _ENDED_AS.get(target)
-        self._rested_s = 0.0
+        self._ended_s = self._rested_s = 0.0
         return record.queue.finished(ended) if ended is not None else record.queue
 
     def _watch_queue(self, inputs: Inputs) -> None:
@@ -405,17 +418,33 @@ class MissionKernel:
             self._hold.hold(HeldBy.BATTERY_LOW)
         if inputs.manual and not self.under_way:
             self._hold.hold(HeldBy.MANUAL)
+        if self._record.state in ACTIVE:
+            return
+        if self._lost_s >= self._params.localization_lost_s:
+            self._hold.hold(HeldBy.LOCALIZATION_LOST)
+        if self._docked(inputs):
+            self._hold.hold(HeldBy.DOCKED)
+        # The plan of the mission that has just ended may still be there.
+        if self._ended_s > self._params.goal_retry_s and (inputs.planned or inputs.docking_state in DOCKING):
+            self._hold.hold(HeldBy.MANUAL, "somebody else drives or docks the robot")
+
+    def _docked(self, inputs: Inputs) -> str:
+        """Why the robot may not drive off by itself: it is at a station, or at a chair that is not latched."""
+        at_dock = inputs.docking_state == DockingState.DOCKED and not self._record.passenger_attached
+        return orders.HELD_TEXTS[HeldBy.DOCKED] if at_dock or inputs.charging else ""
 
     def _next_order(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         """Starts the next order of a robot that has no mission, unless a person or the safety has to be waited for."""
-        self._rested_s += dt_s
+        busy = guards.held_in_ride(inputs) or inputs.planned or inputs.setting_out or not inputs.navigation_served
+        self._ended_s += dt_s
+        self._rested_s = 0.0 if busy or self._unsaved else self._rested_s + dt_s
         order = self._record.queue.due(inputs.clock_s)
         if order is None or self._hold.by is not HeldBy.NOTHING or self._rested_s < self._params.next_order_after_s:
             return ()
-        busy = guards.held_in_ride(inputs) or inputs.planned or inputs.setting_out or not inputs.navigation_served
-        if busy or self._unsaved:
-            return ()
         assert order.mission is not None
+        if order.origin is Origin.FLEET and self._record.passenger_attached:
+            self._hold.hold(HeldBy.PASSENGER)
+            return ()
         problem = self._may_not_start(order.mission, inputs)
         if problem:
             self._hold.hold(HeldBy.MISSION_FAILED, f"order {order.id!r} cannot start: {problem}")
@@ -444,6 +473,10 @@ class MissionKernel:
         self._record = replace(self._record, passenger_attached=attached)
         if attached and self._record.state not in ACTIVE:
             self._hold.hold(HeldBy.PASSENGER)
+        current = self._record.queue.current
+        ordered = current is not None and current.origin is Origin.FLEET and self._record.waypoint == 0
+        if attached and ordered and self._record.state is State.RUNNING and self._leg.goal_due:
+            return self._stand(Trigger.PAUSE, "a passenger came aboard before the start; RESUME goes on")
         return (self._save(),)
 
     def _journal_failed(self, problem: str) -> tuple[Effect, ...]:
@@ -451,8 +484,12 @@ class MissionKernel:
         self._reported_queue = None  # the report was dropped with the effects after the save
         if self._asker is _Asker.EDIT or (self._asker is not _Asker.NOBODY and self._moves_or_queues()):
             # Nothing has moved yet, because saving came first: the request is undone.
+            if self._before.mission is not self._record.mission:  # its goal was cancelled in the kernel's view only
+                self._leg = self._leg_before
+                self._leg.goal_due = self._before.state is State.RUNNING
             self._record = replace(self._before, passenger_attached=self._record.passenger_attached)
             self._unsaved = self._was_unsaved
+            self._journal_problem = why if self._unsaved else self._journal_problem
             return self._undone(why)
         effects: tuple[Effect, ...] = ()
         if self._record.state in UNDER_WAY:
@@ -483,8 +520,8 @@ class MissionKernel:
         self._announcements.elapse(dt_s)
         if self._departure.moving:
             self._announcements.say()  # from now on it is worth more to show that the robot drives
-        self._watch_queue(inputs)
         self._lost_s = self._lost_s + dt_s if guards.lost(inputs) else 0.0
+        self._watch_queue(inputs)
         if self._in_emergency(inputs) and target_of(self._record.state, Trigger.EMERGENCY_STOP):
             return (*released, *self._emergency_stop())
         if self._record.state in AT_DOCK:
@@ -529,6 +566,8 @@ class MissionKernel:
 
     def _to_safety(self, inputs: Inputs) -> tuple[Effect, ...]:
         """The battery is critical: drives to the nearest safe place, or stands where the robot is."""
+        if docking.at_station(self._record, self._docks):
+            return self._stand(Trigger.NO_SAFE_PLACE, f"{_CRITICAL}; the robot stays at the station, RESUME goes on")
         pose = finite(inputs.pose)
         if pose is None:
             return ()
@@ -627,6 +666,9 @@ class MissionKernel:
         reason = f"no progress for {timeout_s:.0f} s, {left}, try {failed} of {tries}"
         if navigation_text:
             reason += f"; navigation: {navigation_text}"
+        if failed >= self._params.tries and record.safe_place is not None:
+            reason = f"{_CRITICAL}; {reason}; charge the robot, then RESUME goes on"
+            return self._stand(Trigger.NO_SAFE_PLACE, reason, replace(record, safe_place=None, failed_tries=0))
         if failed >= self._params.tries:
             return self._stand(Trigger.GAVE_UP, reason, record)
         # The goal is cancelled first and sent again a tick later, so that navigation replans.

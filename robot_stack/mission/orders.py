@@ -14,6 +14,10 @@ from robot_stack.core.mission import Mission
 # As in custom_msgs/MissionQueue. A mission is journaled with its order, so that the number of orders is limited.
 MAX_ORDERS = 50
 MAX_ENDED = 50
+# By START_MISSION, which needs no PIN: riders cannot fill the queue.
+MAX_UI_COMMANDS = 5
+# builtin_interfaces/Time.
+_LATEST_S = 2.0**31 - 1.0
 MAX_ID_LENGTH = 64
 NORMAL_PRIORITY = 100
 HIGHEST_PRIORITY = 255
@@ -52,6 +56,8 @@ class HeldBy(IntEnum):
     MANUAL = 7
     BATTERY_LOW = 8
     JOURNAL = 9
+    LOCALIZATION_LOST = 10
+    DOCKED = 11
 
 
 class Operation(IntEnum):
@@ -118,9 +124,14 @@ class OrderQueue:
         return next((order for order in self.orders if order.earliest_s <= now_s), None)
 
     def checked(self, order: Order) -> Order | None:
-        """The known order of the same id, None for a new one. Raises QueueRefusal for another order with its id."""
+        """The known order of the same id, None for a new one.
+
+        Raises QueueRefusal for an id or a time out of range, and for another order with its id.
+        """
         if not order.id or len(order.id) > MAX_ID_LENGTH or not order.id.isprintable():
             raise QueueRefusal(f"an order needs an id of 1 to {MAX_ID_LENGTH} printable characters")
+        if not 0.0 <= order.earliest_s < _LATEST_S:
+            raise QueueRefusal(f"the earliest time {order.earliest_s} s is out of range")
         known = self.known(order.id)
         if known is not None and (known.mission_id, known.origin) != (order.mission_id, order.origin):
             raise QueueRefusal(
@@ -227,6 +238,8 @@ HELD_TEXTS = {
     HeldBy.MANUAL: "the robot was driven by hand",
     HeldBy.BATTERY_LOW: "the battery is low: charge the robot",
     HeldBy.JOURNAL: "the journal cannot be written",
+    HeldBy.LOCALIZATION_LOST: "localization was lost: check the pose on the map",
+    HeldBy.DOCKED: "the robot is docked or charging: undock it first",
 }
 
 
@@ -237,8 +250,8 @@ class Hold:
         self.by, self._detail = HeldBy.RESTART, ""
 
     def hold(self, by: HeldBy, detail: str = "") -> None:
-        """The first cause stays until the release."""
-        if self.by is HeldBy.NOTHING:
+        """The first cause stays until the release, unless a person holds the queue."""
+        if self.by is HeldBy.NOTHING or by is HeldBy.STAFF:
             self.by, self._detail = by, detail
 
     def release(self) -> None:

@@ -39,15 +39,19 @@ class Desk:
         self._rate_hz = messages_hz_max
         self._budgets: dict[int, tuple[float, float]] = {}
 
-    def take(self, client: int, message: p.ClientMessage, now_s: float) -> Ruling:
-        """The stop is never refused, for any client at any rate."""
+    def take(self, client: int, message: p.ClientMessage, now_s: float, *, held_by_staff: bool = False) -> Ruling:
+        """The stop is never refused, for any client at any rate.
+
+        held_by_staff: the queue of orders, which a rider may otherwise release.
+        """
         within = self._within_budget(client, now_s)
         if isinstance(message, p.Stop):
             return Ruling(message, audit="emergency stop")
         if not within:
             return Ruling(None, SLOW_DOWN)
         staff = self.access.role(client, now_s) is Role.STAFF
-        if not staff and (isinstance(message, _STAFF_ONLY) or _by_staff(message)):
+        by_staff = _by_staff(message) or (held_by_staff and isinstance(message, p.Queue))
+        if not staff and (isinstance(message, _STAFF_ONLY) or by_staff):
             return Ruling(None, NEEDS_STAFF, named(message))
         if not isinstance(message, p.Alive | p.Ready | p.Show):
             self.access.touch(client, now_s)

@@ -113,7 +113,8 @@ class Hub:
             page.refused += 1
             self._say(page, {"t": "refused", "why": str(refused)})
             return page.refused < REFUSED_MAX
-        ruling = self._desk.take(page.number, message, now_s)
+        held_by_staff = self._sections.get("queue", {}).get("held_by") == "STAFF"
+        ruling = self._desk.take(page.number, message, now_s, held_by_staff=held_by_staff)
         if ruling.audit:
             self._audit(page, ruling.audit, ruling.why or "ok")
         if ruling.effect is not None:

@@ -208,6 +208,8 @@ _HELD_BY = (
     "MANUAL",
     "BATTERY_LOW",
     "JOURNAL",
+    "LOCALIZATION_LOST",
+    "DOCKED",
 )
 
 

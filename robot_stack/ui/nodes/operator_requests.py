@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from robot_stack.contract.model import Service
@@ -43,6 +44,7 @@ class OperatorRequest:
         self._answer: Answer | None = None
         self._fields: dict[str, Any] = {}
         self._tries = 0
+        self._number = 0  # of the request: a late response to the one before is not the answer to this one
         self._timers: list[NodeTimer] = []
 
     def ask(self, answer: Answer, **fields: Any) -> None:
@@ -54,6 +56,7 @@ class OperatorRequest:
             answer(False, self._texts.silent, "")
             return
         self._answer, self._fields, self._tries = answer, fields, self._tries_max
+        self._number += 1
         self._after(self._params.timeout_s, lambda: self._end(False, self._texts.silent, ""))
         # The safety monitor requires the release to last a moment before it grants a reset.
         self._after(self._params.pause_s, self._call)
@@ -61,10 +64,10 @@ class OperatorRequest:
     def _call(self) -> None:
         if self._answer is not None:
             self._tries -= 1
-            self._client.call(self._service.Request(**self._fields), self._on_response)
+            self._client.call(self._service.Request(**self._fields), partial(self._on_response, self._number))
 
-    def _on_response(self, response: Any) -> None:
-        if self._answer is None:
+    def _on_response(self, number: int, response: Any) -> None:
+        if self._answer is None or number != self._number:
             return
         if response.success:
             self._end(True, "", response.message)

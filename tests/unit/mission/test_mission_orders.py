@@ -285,16 +285,109 @@ def test_the_queue_is_not_released_while_its_cause_lasts(story, cause):
         {"pose": None},
         {"safety_known": False},
         {"faults": ("COLLISION_IMMINENT",)},
-        {"planned": True},
         {"setting_out": True},
         {"navigation_served": False},
-        {"docking_state": "SERVOING"},
     ],
 )
 def test_an_order_waits_while_the_robot_cannot_or_must_not_go(story, reason):
     before = {name: getattr(story.inputs, name) for name in reason}
     assert rests(story.order("a", "park").given(**reason)).state is State.IDLE
-    assert rests(story.given(**before)).state is State.RUNNING
+    assert story.given(**before).tick(story.params.next_order_after_s - 1.0).state is State.IDLE, (
+        "all from the beginning"
+    )
+    assert rests(story).state is State.RUNNING
+
+
+@pytest.mark.parametrize(
+    ("found", "by"),
+    [
+        ({"planned": True}, HeldBy.MANUAL),  # a goal by hand, or of another client
+        ({"docking_state": "SERVOING"}, HeldBy.MANUAL),
+        ({"docking_state": "DOCKED"}, HeldBy.DOCKED),
+        ({"charging": True}, HeldBy.DOCKED),
+    ],
+)
+def test_a_robot_that_somebody_else_moved_or_docked_waits_for_a_person(story, found, by):
+    before = {name: getattr(story.inputs, name) for name in found}
+    rests(story.tick(10.0).order("a", "park").given(**found))
+    assert (story.state, held(story)) == (State.IDLE, by)
+    assert released(story).kernel.queue_answer.success is (by is HeldBy.MANUAL)
+    assert rests(story.given(**before)).state is State.IDLE or by is HeldBy.MANUAL
+    assert rests(released(story)).state is State.RUNNING
+
+
+def test_the_plan_of_the_ride_that_has_just_ended_holds_nothing(story):
+    rests(story.order("a", "park").order("b", "park"))
+    story.finishes().given(planned=True).tick(story.params.goal_retry_s - 1.2)
+    rests(story.given(planned=False))
+    assert (story.state, current(story), held(story)) == (State.RUNNING, "b", HeldBy.NOTHING)
+
+
+def test_lost_localization_without_a_ride_waits_for_a_person(story):
+    story.order("a", "park").given(faults=("LOCALIZATION_LOST",)).tick(story.params.localization_lost_s + 1.0)
+    assert rests(story.given(faults=())).state is State.IDLE
+    assert held(story) is HeldBy.LOCALIZATION_LOST
+
+
+def test_the_fleet_starts_nothing_with_a_passenger_aboard(story):
+    story.happens(ev.PassengerChanged(True))
+    rests(released(story).order("a", "park"))
+    assert (story.state, held(story)) == (State.IDLE, HeldBy.PASSENGER)
+    assert not story.edit(Operation.RELEASE, origin=Origin.FLEET).kernel.queue_answer.success
+    story.order("b", "park", origin=Origin.TOUCH_SCREEN, priority=200)
+    assert current(rests(released(story))) == "b", "a person's order"
+
+
+def test_a_passenger_who_comes_aboard_before_the_start_pauses_the_fleet_s_order(story):
+    story.order("a", "park").tick(story.params.next_order_after_s + 0.5)
+    assert (story.state, story.goals()) == (State.RUNNING, [])
+    story.happens(ev.PassengerChanged(True)).tick(5.0)
+    assert (story.state, story.goals()) == (State.PAUSED, [])
+
+
+def test_people_are_warned_before_each_order(story):
+    rests(story.order("a", "park").order("b", "park"))
+    story.finishes().tick(story.params.next_order_after_s + 0.5)
+    assert (story.state, current(story)) == (State.RUNNING, "b")
+    assert "about to start: warning" in story.status.reason
+
+
+def test_a_person_s_hold_replaces_other_causes(params):
+    story = Story(params).edit(Operation.HOLD)
+    assert held(story) is HeldBy.STAFF
+
+
+@pytest.mark.parametrize("earliest_s", [-1.0, 2.0**31, float("nan"), float("inf")])
+def test_a_time_that_no_message_can_carry_is_refused(story, earliest_s):
+    assert not story.order("a", "park", earliest_s=earliest_s).kernel.queue_answer.success
+    assert story.waiting() == []
+
+
+def test_an_order_that_ended_otherwise_is_no_success_when_asked_again(story):
+    story.edit(Operation.HOLD).order("a", "park").edit(Operation.REMOVE, order_id="a")
+    assert not story.order("a", "park").kernel.queue_answer.success
+    assert "is REMOVED" in story.kernel.queue_answer.message
+
+
+def test_riders_touches_do_not_fill_the_queue(story):
+    story.start("park")
+    for number in range(20):
+        story.command(ev.START_MISSION, make_mission("park", mission_id=f"ride_{number % 10}"))
+    assert len(story.waiting()) == 5
+
+
+def test_a_change_of_destination_that_is_not_journaled_leaves_the_ride_as_it_was(story):
+    story.start("park", "park")
+    goals = story.goals()
+    story.journal.problem = "full"
+    story.order("a", "park", "park", "park", operation=Operation.REPLACE, origin=Origin.CLI)
+    assert not story.kernel.queue_answer.success
+    story.journal.problem = ""
+    story.tick(1.0)
+    assert story.goals() == [*goals, goals[-1]], "sent again, in step with the node"
+    story.aborts().tick(story.params.goal_retry_s + 1.0)
+    assert story.goals()[-1] == goals[-1]
+    assert len(story.goals()) == len(goals) + 2
 
 
 def test_an_order_that_cannot_start_holds_the_queue_and_stays(params):
@@ -491,7 +584,7 @@ def asked(operation: int, **changes) -> ev.EditQueue:
 
 def test_requests_from_the_wire(story):
     assert asked(0).order == Order("a", "other", Origin.FLEET, 7, 5.0, mission=OTHER)
-    assert asked(2) == ev.EditQueue(Operation.MOVE, order_id="a", steps=-2)
+    assert asked(2) == ev.EditQueue(Operation.MOVE, order_id="a", steps=-2, origin=Origin.FLEET)
     for request, why in (
         (asked(6), "there is no operation 6"),
         (asked(0, origin="stranger"), "there is no origin 'stranger'"),

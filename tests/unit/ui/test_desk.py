@@ -199,3 +199,10 @@ def test_whatever_a_rider_sends_moves_nothing_and_opens_nothing(desk: d.Desk) ->
         effect = desk.take(RIDER, message, 0.1 * tick).effect
         assert not isinstance(effect, p.Pad | p.Pose | p.Goal | p.CancelGoal | p.Reset | p.ClearStop | p.SelfTest)
         assert desk.pad.command(0.1 * tick) is None
+
+
+def test_a_hold_of_the_staff_is_released_with_the_pin_only(desk: d.Desk) -> None:
+    release = say('{"t": "queue_release"}')
+    assert desk.take(RIDER, release, 0.0).why == d.OK
+    assert desk.take(RIDER, release, 0.0, held_by_staff=True).why == d.NEEDS_STAFF
+    assert desk.take(STAFF, release, 0.0, held_by_staff=True).why == d.OK

@@ -128,7 +128,8 @@ export function HeldOrders({ link, state, say }) {
   return html`<div class="reasons" role="status" data-held=${queue.held_by}>
     <h3>${t("queue.waiting", { count: queue.orders.length, name: missionName(state, queue.orders[0].mission) })}</h3>
     <p>${t(`held.${queue.held_by}`)}</p>
-    <div class="actions"><button class="primary" id="release" onClick=${release}>${t("queue.release")}</button></div>
+    ${queue.held_by !== "STAFF" && html`
+      <div class="actions"><button class="primary" id="release" onClick=${release}>${t("queue.release")}</button></div>`}
   </div>`;
 }
 
