@@ -54,14 +54,17 @@ class SqliteJournal:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._connection: sqlite3.Connection | None = None
+        self._unread = False  # it may hold a record that is not known
 
     def load(self) -> Record:
         """See Journal.load."""
         try:
             row = self._open().execute("SELECT record FROM current").fetchone()
+            self._unread = False
             return Record() if row is None else _from_json(row[0])
         except _NOT_NOW as error:
             self.close()
+            self._unread = True
             raise JournalError(self._text(error)) from error
         except _NONSENSE as error:
             raise self._move_aside(error) from error
@@ -70,6 +73,9 @@ class SqliteJournal:
         """See Journal.save."""
         try:
             connection = self._open()
+            if self._unread and connection.execute("SELECT only FROM current").fetchone() is not None:
+                raise JournalError(f"{self.path} could not be read and is not overwritten; restart the mission manager")
+            self._unread = False
             with connection:  # one transaction
                 connection.execute("BEGIN IMMEDIATE")
                 now_s = time.time()

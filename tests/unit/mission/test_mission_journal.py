@@ -246,7 +246,11 @@ def test_a_locked_journal_is_not_a_damaged_one(path):
     finally:
         other.rollback()
         other.close()
+    with pytest.raises(JournalError, match="not overwritten"):
+        journal.save(Record())
     assert journal.load() == FULL, "the same journal works once the lock is gone"
+    journal.save(Record())
+    assert journal.load() == Record()
     assert [item.name for item in path.parent.iterdir() if "damaged" in item.name] == []
 
 
