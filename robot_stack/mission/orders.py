@@ -230,7 +230,7 @@ class QueueAnswer:
 
 HELD_TEXTS = {
     HeldBy.RESTART: "the mission manager was restarted",
-    HeldBy.STAFF: "held by a person",
+    HeldBy.STAFF: "a person holds it",
     HeldBy.EMERGENCY_STOP: "after an emergency stop",
     HeldBy.MISSION_ABORTED: "the mission before was ended by a person",
     HeldBy.MISSION_FAILED: "the mission before failed",

@@ -34,5 +34,5 @@ def test_orders_outlive_a_killed_mission_manager(start: Callable[..., NodeProces
         "2. b: yard_tour, priority 200, from cli, not before 2030-01-02 03:04:00",
     ]
     assert verb("queue", "remove", "a") == ["order 'a' is removed"]
-    assert verb("queue", "hold") == ["queue held: the mission manager was restarted"]
+    assert verb("queue", "hold") == ["queue held: a person holds it"]
     assert verb("change", "short_hop", code=1)[-1].endswith("while the mission is IDLE")

@@ -430,7 +430,8 @@ def test_failing_disk_during_a_ride_pauses_it(world, full):
 
 
 def edit(world: World, operation: str, order_id: str = "", mission_id: str = "ride", **fields: Any) -> Any:
-    order = MissionOrder(id=order_id, mission_id=mission_id, origin=MissionOrder.FLEET, priority=100, **fields)
+    origin = MissionOrder.CLI if operation == "RELEASE" else MissionOrder.FLEET
+    order = MissionOrder(id=order_id, mission_id=mission_id, origin=origin, priority=100, **fields)
     request = EditMissionQueue.Request(operation=getattr(EditMissionQueue.Request, operation), order=order)
     return world.bench.call(services.EDIT_MISSION_QUEUE, request)
 
@@ -440,7 +441,7 @@ def rides(world: World, *more: Pose2) -> None:
     for pose in (Pose2(1.7, 0.0, 0.0), Pose2(4.0, 1.0, 0.5), Pose2(4.0, 3.0, 0.0), *more):
         world.goal(pose.x if pose.x != 1.7 else 2.0)
         world.pose = pose
-        world.bench.run(2.0)
+        world.bench.run(3.0)
     world.state("COMPLETED")
     world.pose = Pose2(0.0, 0.0, 0.0)
 
@@ -458,9 +459,9 @@ def test_orders_wait_for_one_touch_after_a_kill_and_then_run_one_after_the_other
     assert world.navigation.goals == [], "nothing moves by itself"
 
     assert edit(world, "RELEASE").success
-    rides(world)
-    rides(world)
-    world.bench.run(10.0)
+    for _ in range(2):
+        world.bench.run(10.0)  # of next_order_after_s
+        rides(world)
     ended = [(order.id, order.state) for order in queue.last.ended]
     assert ended == [("a", MissionOrder.COMPLETED), ("b", MissionOrder.COMPLETED)]
     assert edit(world, "ADD", "a").success
