@@ -93,3 +93,11 @@ def test_the_state_lies_in_the_services_state_folder(monkeypatch: pytest.MonkeyP
     monkeypatch.setenv("XDG_STATE_HOME", "/elsewhere")
     monkeypatch.setenv("STATE_DIRECTORY", "/var/lib/robot_stack:/var/lib/more")
     assert state_dir() == of_shell == Path("/var/lib/robot_stack/domain-7")
+
+
+def test_the_motion_engine_outlives_its_bridge() -> None:
+    """The engine is a child of the bridge: systemd must not end it with the bridge, whose death it is a dead-man for."""
+    lines = BRIDGE.read_text().splitlines()
+    assert "KillMode=process" in lines
+    assert "OOMPolicy=continue" in lines
+    assert not [line for line in lines if line.startswith("PrivateTmp=")], "the next bridge finds the engine's files"
