@@ -16,9 +16,13 @@ from robot_stack.core.config import ConfigError, load
 
 if TYPE_CHECKING:
     from robot_stack.core.robot import Robot
+    from robot_stack.supervisor.profile import Plan
     from robot_stack.wmx.axes import StatusSnapshot
+    from robot_stack.wmx.config import ClientConfig
 
 ETC = Path("/etc")
+SERVICE_FOLDER = Path("/run/robot_stack")
+"""Runtime folder of the service, which systemd removes when it stops."""
 _SHIPPED = Path(__file__).resolve().parents[2] / "launch_scripts"
 _INSTALLED = {
     "robot-stack.service": "systemd/system/robot-stack.service",
@@ -26,6 +30,7 @@ _INSTALLED = {
     "robot-stack.sysusers": "sysusers.d/robot-stack.conf",
 }
 _PROFILE, _USER = "robot", "robot"
+_SAME_PROFILES = (_PROFILE, "robot_simulated")  # the second one extends the first
 # Groups of Debian whose members may open a driver's device.
 _GROUPS = {
     "xsens_driver": "dialout",
@@ -96,17 +101,24 @@ def engine() -> Iterator[Finding]:
     from robot_stack.core.robot import load_robot
     from robot_stack.wmx import EngineError, connect
     from robot_stack.wmx.api import error_name
-    from robot_stack.wmx.config import ENGINE_VARIABLE, load_client_config
+    from robot_stack.wmx.config import ENGINE_VARIABLE, STALE_VARIABLE, load_client_config
     from robot_stack.wmx.read_back import differences
     from robot_stack.wmx.robot_parameters import robot_parameters
 
     plan = running_plan()
-    if plan is None:
-        yield Finding("engine", Level.NOTE, "not checked: the stack does not run", _START)
+    if plan is None or plan.name not in _SAME_PROFILES:
+        yield not_checked("engine", plan)
         return
     robot = load_robot()
+    client = load_client_config(plan.environment.get(ENGINE_VARIABLE))
+    if STALE_VARIABLE in plan.environment:
+        client = client.model_copy(update={"status_stale_s": float(plan.environment[STALE_VARIABLE])})
+    absent = engine_absent(client)
+    if absent is not None:
+        yield absent
+        return
     try:
-        with connect("doctor", load_client_config(plan.environment.get(ENGINE_VARIABLE)), timeout_s=0.0) as device:
+        with connect("doctor", client, timeout_s=0.0) as device:
             code, snapshot = device.read_status()
             names = {axis.number: name for name, axis in robot.axes.items()}
             different = list(differences(device, robot_parameters(robot), names))
@@ -123,8 +135,24 @@ def engine() -> Iterator[Finding]:
     yield from axis_findings(snapshot, robot)
 
 
+def engine_absent(client: ClientConfig) -> Finding | None:
+    """Reads the status page, because a new device may start an engine. None if one runs, or has no page."""
+    from robot_stack.wmx.api import EngineState, error_name
+    from robot_stack.wmx.simulated.channel import StatusView
+    from robot_stack.wmx.simulated.client import engine_folder
+
+    if client.engine == "vendor" and not client.bridged:
+        return None
+    code, snapshot = StatusView(engine_folder(client.device_path), client.status_stale_s).read()
+    if not code and snapshot.engine_state not in (EngineState.Idle, EngineState.Unknown):
+        return None
+    what = f"status: {error_name(code)} (error {code})" if code else "it does not run"
+    return Finding("engine", Level.BAD, what, "see the log of swerve_hardware_interface; docs/wmx_vendor.md")
+
+
 def axis_findings(snapshot: StatusSnapshot, robot: Robot) -> Iterator[Finding]:
     from robot_stack.contract.frames import JOINTS, STEER_AXES
+    from robot_stack.wmx.axes import Flag
 
     if not snapshot.communicating:
         yield Finding("engine", Level.BAD, "it does not communicate with the drives", "power, cables, docs/wmx.md")
@@ -136,6 +164,14 @@ def axis_findings(snapshot: StatusSnapshot, robot: Robot) -> Iterator[Finding]:
     ]
     if alarms:
         yield Finding("axes", Level.BAD, f"alarm of {', '.join(alarms)}", "the drive's manual names the code")
+    flags = {
+        Flag.SERVO_OFFLINE: ("offline", "the drive's cable and power; docs/wmx.md"),
+        Flag.FOLLOWING_ERROR_ALARM: ("following error", "brakes, load and gear of the axis; then clear its alarm"),
+    }
+    for flag, (what, advice) in flags.items():
+        set_in = [name for name, axis in robot.axes.items() if snapshot.flags[flag, axis.number]]
+        if set_in:
+            yield Finding("axes", Level.BAD, f"{what}: {', '.join(set_in)}", advice)
     steering = [JOINTS[joint] for joint in STEER_AXES]
     lost = [name for name in steering if not snapshot.home_done[robot.axes[name].number]]
     if lost:
@@ -156,14 +192,16 @@ def axis_findings(snapshot: StatusSnapshot, robot: Robot) -> Iterator[Finding]:
 def sensors() -> Iterator[Finding]:
     """The topics of every driver of the running profile, compared with the contract."""
     from robot_stack.contract import topics
+    from robot_stack.supervisor.profile import load_plan
     from robot_stack.system_monitor.nodes.topic_meter import Meter
     from robot_stack.system_monitor.topic_check import judge_all, rows_of
 
     plan = running_plan()
-    if plan is None:
-        yield Finding("sensors", Level.NOTE, "not checked: the stack does not run", _START)
+    if plan is None or plan.name not in _SAME_PROFILES:
+        yield not_checked("sensors", plan)
         return
-    drivers = {p.name for p in plan.processes if str(p.module).startswith("robot_stack.drivers.")}
+    drivers = _drivers(plan)
+    yield from driver_findings(_drivers(load_plan(plan.name)), drivers)
     of_profile = rows_of(plan.machine, plan.use_sim_time)
     rows = [row for row in of_profile if drivers & set(row.publishers) and row.rate_hz is not None]
     with Meter([*rows, *(row for row in of_profile if row is topics.CLOCK)]) as meter:
@@ -180,13 +218,23 @@ def sensors() -> Iterator[Finding]:
             yield Finding("sensors", Level.OK, f"{item.row.name} from {source}, {rate_hz or 0.0:.1f} Hz")
 
 
+def _drivers(plan: Plan) -> set[str]:
+    return {process.name for process in plan.processes if str(process.module).startswith("robot_stack.drivers.")}
+
+
+def driver_findings(wanted: set[str], running: set[str]) -> Iterator[Finding]:
+    """Drivers of the profile that the running stack was started without."""
+    for name in sorted(wanted - running):
+        yield Finding("sensors", Level.BAD, f"{name} was not started", "start the whole profile")
+
+
 def level() -> Iterator[Finding]:
     """The inertial unit's mounting, by gravity."""
     from robot_stack.contract import topics
 
     message = _hear(topics.IMU)
     if message is None:
-        yield Finding("inertial unit", Level.NOTE, f"not checked: no {topics.IMU.name}", _START)
+        yield _not_heard("inertial unit", topics.IMU)
         return
     a = message.linear_acceleration
     yield level_finding(a.x, a.y, a.z)
@@ -197,9 +245,9 @@ def level_finding(x: float, y: float, z: float) -> Finding:
     size = math.hypot(x, y, z)
     tilt_deg = math.degrees(math.atan2(math.hypot(x, y), z))
     what = f"gravity is {size:.2f} m/s2, {tilt_deg:.1f} deg from upright"
-    if abs(size - _GRAVITY_MPS2) > _GRAVITY_TOLERANCE_MPS2:
+    if not abs(size - _GRAVITY_MPS2) <= _GRAVITY_TOLERANCE_MPS2:  # NaN is bad
         return Finding("inertial unit", Level.BAD, what, "the robot must stand; else the unit is defective")
-    if tilt_deg > _LEVEL_DEG:
+    if not tilt_deg <= _LEVEL_DEG:
         advice = "the robot must stand on level ground; else correct rpy_deg of its driver, or the mount"
         return Finding("inertial unit", Level.BAD, what, advice)
     return Finding("inertial unit", Level.OK, what)
@@ -210,7 +258,7 @@ def display() -> Iterator[Finding]:
 
     message = _hear(topics.EHMI_STATUS)
     if message is None:
-        yield Finding("external display", Level.NOTE, f"not checked: no {topics.EHMI_STATUS.name}", _START)
+        yield _not_heard("external display", topics.EHMI_STATUS)
     elif not message.linked:
         yield Finding("external display", Level.BAD, "it does not answer", "power, cable, config/ehmi_bridge.yaml")
     elif message.firmware_fault:
@@ -302,9 +350,36 @@ def docks() -> Iterator[Finding]:
 # --- the running stack ------------------------------------------------------------------------------------------------
 
 
+def not_checked(check: str, plan: Plan | None) -> Finding:
+    """plan: what runs, not a robot's; None: nothing that this user can ask."""
+    from robot_stack.core.runtime import runtime_dir
+
+    if plan is not None:
+        advice = f"stop it, start profile {_PROFILE}, then run this again"
+        return Finding(check, Level.BAD, f"not checked: profile {plan.name} runs", advice)
+    if SERVICE_FOLDER.is_dir() and runtime_dir().resolve() != SERVICE_FOLDER.resolve():
+        advice = (
+            f"run this as {_USER} with the environment of robot-stack.service: ROBOT_STACK_RUNTIME_DIR={SERVICE_FOLDER}"
+        )
+        return Finding(
+            check, Level.BAD, "not checked: the service runs, with another runtime folder than this command", advice
+        )
+    return Finding(check, Level.NOTE, "not checked: the stack does not run", _START)
+
+
+def _not_heard(check: str, row: Any) -> Finding:
+    plan = running_plan()
+    if plan is None or plan.name not in _SAME_PROFILES:
+        return not_checked(check, plan)
+    return Finding(
+        check, Level.BAD, f"no {row.name} in {_HEAR_S:.0f} s", "robot-stack status, and the log of its driver"
+    )
+
+
 def _hear(row: Any) -> Any:
-    """A message of the running stack; None without one in time."""
-    if running_plan() is None:
+    """A message of the running robot; None without one in time."""
+    plan = running_plan()
+    if plan is None or plan.name not in _SAME_PROFILES:
         return None
     from robot_stack.cli.nodes.operator import Operator
 

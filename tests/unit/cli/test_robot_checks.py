@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import shutil
+import time
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -15,12 +17,17 @@ from robot_stack.cli import robot_checks
 from robot_stack.cli.checks import Finding, Level, examine
 from robot_stack.contract.frames import JOINTS, STEER_AXES
 from robot_stack.core.robot import load_robot
+from robot_stack.supervisor.profile import load_plan
 from robot_stack.ui.nodes.self_test_file import SelfTestFile
 from robot_stack.ui.pin import hash_pin
 from robot_stack.ui.self_test import Verdict
 from robot_stack.ui.self_test_record import Record
 from robot_stack.wmx.api import EngineState
 from robot_stack.wmx.axes import Flag, StatusSnapshot, empty_snapshot
+from robot_stack.wmx.config import load_client_config, load_engine_config
+from robot_stack.wmx.engine_server.engine import Engine
+from robot_stack.wmx.engine_server.status_writer import StatusWriter
+from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 from tests.support.processes import ROOT
 
 ROBOT = load_robot()
@@ -90,7 +97,7 @@ def test_unit_files_are_missing_old_or_current(tmp_path: Path) -> None:
 def snapshot(released: bool = True, **flags: dict[str, int]) -> StatusSnapshot:
     """A communicating engine with all homes; flags: by row of ``Flag``, then by joint."""
     empty = empty_snapshot(max(axis.number for axis in ROBOT.axes.values()) + 1)
-    empty.flags[Flag.HOME_DONE] = 1
+    empty.flags[Flag.HOME_DONE], empty.flags[Flag.SERVO_OFFLINE] = 1, 0
     for row, values in flags.items():
         for joint, value in values.items():
             empty.flags[Flag[row], ROBOT.axes[joint].number] = value
@@ -108,6 +115,10 @@ def test_axes_homes_and_the_stop_input_are_read() -> None:
     assert steering in bad[0].what
     alarm = snapshot(AMP_ALARM={"fl_drive": 1}, AMP_ALARM_CODE={"fl_drive": 0x7500})
     assert next(iter(robot_checks.axis_findings(alarm, ROBOT))).what == "alarm of fl_drive 0x7500"
+    for row in ("SERVO_OFFLINE", "FOLLOWING_ERROR_ALARM"):
+        axes = next(iter(robot_checks.axis_findings(snapshot(**{row: {"fl_drive": 1}}), ROBOT)))
+        assert (axes.check, axes.level) == ("axes", Level.BAD)
+        assert axes.what.endswith(": fl_drive")
     (silent,) = robot_checks.axis_findings(empty_snapshot(8), ROBOT)
     assert (silent.check, silent.level) == ("engine", Level.BAD)
 
@@ -122,6 +133,7 @@ def test_axes_homes_and_the_stop_input_are_read() -> None:
         ((1.2, 0.0, 9.7), Level.BAD),  # 7 deg
         ((0.0, 0.0, -9.8), Level.BAD),  # upside down
         ((0.0, 0.0, 1.0), Level.BAD),  # in g
+        ((0.0, math.nan, 9.8), Level.BAD),
     ],
 )
 def test_the_inertial_unit_stands_upright(acceleration: tuple[float, float, float], level: Level) -> None:
@@ -179,3 +191,35 @@ def test_what_needs_a_running_stack_is_not_called_good_without_one(config: Path,
         assert levels(found, check) == [Level.NOTE], check
         assert "robot-stack up" in next(item.advice for item in found if item.check == check)
     assert not [item for item in found if "the check failed" in item.what]
+
+
+def test_a_driver_that_was_not_started_is_named() -> None:
+    (found,) = robot_checks.driver_findings({"xsens_driver", "pylontech_driver"}, {"xsens_driver"})
+    assert (found.level, found.what) == (Level.BAD, "pylontech_driver was not started")
+
+
+def test_another_profile_or_anothers_service_is_no_robot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ros_domain: int
+) -> None:
+    monkeypatch.setattr(robot_checks, "SERVICE_FOLDER", tmp_path)
+    found = examine(robot_checks.robot_checks())
+    for check in ("engine", "sensors", "inertial unit", "external display"):
+        assert levels(found, check) == [Level.BAD], check
+    monkeypatch.setattr(robot_checks, "running_plan", lambda: load_plan("sim"))
+    found = examine(robot_checks.robot_checks())
+    for check in ("engine", "sensors", "inertial unit", "external display"):
+        assert levels(found, check) == [Level.BAD], check
+        assert "profile sim runs" in next(item.what for item in found if item.check == check)
+
+
+def test_an_engine_that_does_not_run_is_not_started(tmp_path: Path) -> None:
+    client = load_client_config("simulated").model_copy(update={"path": str(tmp_path)})
+    absent = robot_checks.engine_absent(client)
+    assert absent is not None
+    assert (absent.level, absent.what.split()[1]) == (Level.BAD, "StatusChannelNull")
+    config = load_engine_config()
+    motors = Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s))
+    StatusWriter(motors, tmp_path).publish(time.monotonic_ns())
+    idle = robot_checks.engine_absent(client.model_copy(update={"status_stale_s": 60.0}))
+    assert idle is not None
+    assert idle.what == "it does not run"
