@@ -96,7 +96,7 @@ def test_the_state_lies_in_the_services_state_folder(monkeypatch: pytest.MonkeyP
 
 
 def test_the_motion_engine_outlives_its_bridge() -> None:
-    """The engine is a child of the bridge: systemd must not end it with the bridge, whose death it is a dead-man for."""
+    """It is a child of the bridge, and the dead-man for the death of the bridge."""
     lines = BRIDGE.read_text().splitlines()
     assert "KillMode=process" in lines
     assert "OOMPolicy=continue" in lines

@@ -2,9 +2,10 @@
 //
 //   wmx_bridge --folder /run/wmx_bridge --root /opt/lmx/ --axes 8 --io-bytes 8
 //
-// Each client has a thread and a device of its own. A device of the bridge itself reads the status once per cycle; it lives
-// as long as any client's device does, so that the engine ends with the last one, and it is not shown to clients.
-// A command is answered after its effect on the status is published. No call waits for a motion.
+// Each client has a thread and a device of its own. A device of the bridge itself, with the cycle's thread, reads the status; it
+// lives as long as any client's device does, so that the engine ends with the last one, and it is not shown to clients.
+// A command is answered after its effect on the status is published, unless the reading of the status takes too long. No call
+// waits for a motion.
 #include <poll.h>
 #include <signal.h>
 #include <sys/file.h>
@@ -22,6 +23,8 @@
 #include <mutex>
 #include <thread>
 #include <unordered_map>
+#include <unordered_set>
+#include <vector>
 
 #include <WMX3Api.h>
 #include <CoreMotionApi.h>
@@ -52,19 +55,21 @@ using wire::Value;
 namespace {
 
 // The port's numbers of the codes that the bridge makes itself.
-constexpr int API_CHANNEL_ERROR = 269, CLOSE_LOCK = 298, DEVICE_IS_NULL = 301, NO_SUPPORTED_FUNCTION = 304,
+constexpr int API_CHANNEL_ERROR = 269, API_CHANNEL_TIMEOUT = 270, CLOSE_LOCK = 298, DEVICE_IS_NULL = 301, NO_SUPPORTED_FUNCTION = 304,
               NOT_STARTED_IN_TIME = 1283, COMM_NOT_STARTED_IN_TIME = 1285, COMM_NOT_STOPPED_IN_TIME = 1286, ARGUMENT_RANGE = 1555,
-              RESOURCE_IN_USE = 1561, FILE_FAILED = 1562, PARSE_FAILED = 65542, SETTINGS_INVALID = 65536, TIME_RANGE = 65592,
+              AXIS_RANGE = 1547, RESOURCE_IN_USE = 1561, FILE_FAILED = 1562, PARSE_FAILED = 65542, SETTINGS_INVALID = 65536, TIME_RANGE = 65592,
               POINTS_TOO_CLOSE = 94222, DIMENSION_RANGE = 94224;
 
 constexpr std::int64_t MS = 1'000'000;
 constexpr std::int64_t LOST_NS = 2000 * MS;      // without a new status while the bus runs or calls fail, the engine is lost
 constexpr std::int64_t GRACE_NS = 15'000 * MS;   // the engine is kept for clients whose creation of a device timed out
 constexpr auto CREATION_WAIT = std::chrono::milliseconds(300);  // below the clients' own timeout
+constexpr auto PUBLISH_WAIT = std::chrono::milliseconds(50);    // of a command for its effect on the status
 constexpr unsigned DEVICE_MS = 500;  // for a further device of a running engine, below the clients' own timeout
 constexpr std::size_t MAX_CLIENTS = 64, NAME_LENGTH = 64, LONGEST_LIST = 8000;
 constexpr int CLOSE_TRIES = 20, SEND_TIMEOUT_S = 1;
 constexpr auto CLOSE_PAUSE = std::chrono::milliseconds(20);
+constexpr auto END_WAIT = std::chrono::milliseconds(500);  // for calls in progress when the bridge ends
 
 struct Options {
     std::string folder, root;
@@ -77,6 +82,7 @@ struct Options {
 
 std::atomic<bool> ending = false;   // asked to end: no more commands, the axes stop
 std::atomic<bool> closing = false;  // they stand: devices are closed
+std::atomic<bool> closed = false;   // the clients' are: the bridge's own follows
 
 std::int64_t now_ns() {
     timespec time{};
@@ -115,6 +121,33 @@ struct Session {
     }
 };
 
+// Quick-stops every axis until all of them stand in two cycles: a command may not be in the status yet. False without a status.
+bool stop_axes(Session& session) {
+    auto status = std::make_unique<CoreMotionStatus>();
+    std::int64_t counter = -1;
+    int standing = 0;
+    for (std::int64_t until = now_ns() + options.stop_ms * MS; now_ns() < until && standing < 2;) {
+        if (session.core.GetStatus(status.get())) return false;
+        if (status->engineState != EngineState::Communicating) return true;
+        bool moving = false;
+        for (std::size_t axis = 0; axis < options.axes; ++axis) {
+            if (status->axesStatus[axis].opState == OperationState::Idle) continue;
+            moving = true;
+            int number = static_cast<int>(axis);
+            if (status->axesStatus[axis].axisCommandMode == AxisCommandMode::Velocity)
+                session.core.velocity->ExecQuickStop(number);
+            else
+                session.core.motion->ExecQuickStop(number);
+        }
+        std::int64_t cycle = status->cycleCounter[0];
+        if (moving) standing = 0;
+        else if (cycle != counter) ++standing;
+        counter = cycle;
+        std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    }
+    return true;
+}
+
 // Field of the vendor's status into a row of the page.
 struct ToRow {
     page::Status& into;
@@ -129,7 +162,8 @@ struct ToRow {
     void real(int row, double field, bool) { into.reals[row * into.n_axes + axis] = field; }
 };
 
-// The bridge's own device and the status page.
+// The bridge's own device and the status page. Only the cycle's thread calls the library here: a call that hangs never blocks a
+// client's command. The lock is never held during one.
 class Engine {
 public:
     Engine() : status_(options.axes, options.io_bytes, options.io_bytes) {
@@ -138,121 +172,200 @@ public:
         writer_ = std::make_unique<page::Writer>(options.folder + "/" + tables::STATUS_FILE, status_, 0640);
     }
 
-    // Keeps the engine for one more client. 0, or why there is none yet.
-    int hold() {
+    // Keeps the engine for one more client. 0 and the epoch of its device, or why there is none yet.
+    int hold(std::int64_t& epoch) {
         std::unique_lock lock(mutex_);
-        if (!own_) {
+        if (!ready_) {
             grace_ns_ = now_ns() + GRACE_NS;
             wanted_ = true;
             failure_ = NOT_STARTED_IN_TIME;
-            changed_.notify_all();
-            changed_.wait_for(lock, CREATION_WAIT, [this] { return own_ != nullptr || !wanted_; });
-            if (!own_) return failure_;
+            asking_.notify_all();
+            changed_.wait_for(lock, CREATION_WAIT, [this] { return ready_ || !wanted_; });
+            if (!ready_) return failure_;
         }
         ++users_;
+        epoch = epoch_;
         return 0;
     }
 
-    // Without the lock: a command is carried out even if the reading of the status hangs.
     std::int64_t epoch() const { return epoch_; }
 
     // A client's device is closed. The bridge's own one is closed with the last.
     void release(std::int64_t epoch) {
+        {
+            std::lock_guard lock(mutex_);
+            if (epoch != epoch_ || users_ == 0) return;
+            grace_ns_ = 0;
+            --users_;
+        }
+        publish();
+    }
+
+    // A client's device was not created: it tries again, and the engine must not end meanwhile.
+    void give_back(std::int64_t epoch) {
         std::lock_guard lock(mutex_);
         if (epoch != epoch_ || users_ == 0) return;
-        grace_ns_ = 0;
-        if (--users_ == 0) close_own();
+        grace_ns_ = now_ns() + GRACE_NS;
+        --users_;
     }
 
     // A client has stopped the engine for all.
     void stopped() {
-        std::lock_guard lock(mutex_);
-        close_own();
+        {
+            std::lock_guard lock(mutex_);
+            if (ready_) forget();
+        }
+        publish();
     }
 
-    int own_id() {
-        std::lock_guard lock(mutex_);
-        return own_ ? own_->id() : 0;
-    }
+    int own_id() const { return own_id_; }
 
-    // Publishes the present status, so that the answer to a command never comes before its effect.
+    // Has the present status published, so that the answer to a command does not come before its effect. If the library takes too
+    // long for it, the page ages until clients refuse it, and commands do not wait.
     void publish() {
-        std::lock_guard lock(mutex_);
-        publish_locked();
+        std::unique_lock lock(mutex_);
+        std::uint64_t mine = ++asked_;
+        asking_.notify_all();
+        if (!late_) late_ = !changed_.wait_for(lock, PUBLISH_WAIT, [&] { return served_ >= mine; });
+    }
+
+    // Stops the axes with the own device. Returns without it if that hangs.
+    void stop() {
+        std::unique_lock lock(mutex_);
+        stop_ = true;
+        asking_.notify_all();
+        changed_.wait_for(lock, std::chrono::milliseconds(options.stop_ms) + END_WAIT, [this] { return !stop_; });
     }
 
     void run() {
+        const auto period = std::chrono::microseconds(options.period_us);
         auto due = std::chrono::steady_clock::now();
-        while (!ending) {
-            due += std::chrono::microseconds(options.period_us);
+        while (!closed) {
             auto now = std::chrono::steady_clock::now();
-            if (due < now) due = now;
-            std::this_thread::sleep_until(due);
-            std::unique_lock lock(mutex_);
-            if (wanted_ && !own_) open(lock);
-            if (own_ && !users_ && now_ns() > grace_ns_) close_own();
-            publish_locked();
+            if (due <= now) due = std::max(due + period, now + period / 2);  // never without a pause
+            bool opening, closing_own, stopping;
+            {
+                std::unique_lock lock(mutex_);
+                asking_.wait_until(lock, due, [this] { return asked_ != served_; });
+                if (ready_ && !users_ && now_ns() > grace_ns_) forget();
+                opening = wanted_ && !own_;
+                closing_own = own_ && !ready_;
+                stopping = stop_;
+            }
+            if (closing_own) close_own();
+            if (opening) open();
+            if (stopping) {
+                if (own_) stop_axes(*own_);
+                std::lock_guard lock(mutex_);
+                stop_ = false;
+            }
+            serve();
         }
-        finish();
+        if (own_) own_->close();
+        ended_ = true;
     }
+
+    bool ended() const { return ended_; }
 
 private:
     std::mutex mutex_;
-    std::condition_variable changed_;
+    std::condition_variable changed_, asking_;
+    // Under the lock.
+    std::size_t users_ = 0;
+    bool ready_ = false, wanted_ = false, stop_ = false, late_ = false;
+    int failure_ = 0;
+    std::int64_t grace_ns_ = 0;
+    std::uint64_t asked_ = 0, served_ = 0;
+    std::atomic<std::int64_t> epoch_ = 0;
+    std::atomic<int> own_id_ = 0;
+    std::atomic<bool> ended_ = false;
+    // Of the cycle's thread.
     std::unique_ptr<Session> own_;
     std::unique_ptr<page::Writer> writer_;
     page::Status status_;
     CoreMotionStatus theirs_;
-    std::atomic<std::int64_t> epoch_ = 0;
-    std::int64_t counter_ = -1, seen_ns_ = 0, good_ns_ = 0, grace_ns_ = 0;
-    std::size_t users_ = 0;
-    bool wanted_ = false;
-    int failure_ = 0;
+    std::int64_t counter_ = -1, seen_ns_ = 0, good_ns_ = 0;
 
-    // The first device starts the engine, which takes seconds: without the lock, so that the page stays fresh.
-    void open(std::unique_lock<std::mutex>& lock) {
+    // No device outlives this. With the lock.
+    void forget() {
+        ready_ = false;
+        users_ = 0;
+        grace_ns_ = 0;
+        own_id_ = 0;
+        ++epoch_;
+    }
+
+    // The first device starts the engine, which takes seconds: in another thread, so that the page stays fresh.
+    void open() {
         auto made = std::make_unique<Session>();
-        int code = 0;
+        int code = NOT_STARTED_IN_TIME;
         std::atomic<bool> done = false;
-        lock.unlock();
-        std::thread creation([&] {
-            code = made->create(DeviceType::DeviceTypeNormal, options.start_ms);
-            char name[] = "wmx_bridge";
-            if (!code) made->api.SetDeviceName(name);
-            done = true;
-        });
-        while (!done) {
-            publish();
-            std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        try {
+            std::thread creation([&] {
+                code = made->create(DeviceType::DeviceTypeNormal, options.start_ms);
+                char name[] = "wmx_bridge";
+                if (!code) made->api.SetDeviceName(name);
+                done = true;
+            });
+            while (!done) {
+                serve();
+                std::this_thread::sleep_for(std::chrono::milliseconds(1));
+            }
+            creation.join();
+        } catch (const std::system_error&) {  // no thread: the client tries again
         }
-        creation.join();
-        lock.lock();
-        wanted_ = false;
-        failure_ = code;
-        if (!code) {
-            own_ = std::move(made);
-            counter_ = -1;
-            good_ns_ = now_ns();
+        {
+            int id = code ? 0 : made->id();
+            std::lock_guard lock(mutex_);
+            wanted_ = false;
+            failure_ = code;
+            ready_ = !code;
+            own_id_ = id;
         }
-        publish_locked();
+        if (!code) own_ = std::move(made);
+        counter_ = -1;
+        good_ns_ = now_ns();
         changed_.notify_all();
     }
 
     void close_own() {
-        if (own_) own_->close();
+        own_->close();
         own_.reset();
-        lose();
+        idle();
     }
 
-    // No device outlives this.
+    // The engine may still know the device, or hang.
     void lose() {
-        // The engine may still know the device, or hang.
-        if (own_) std::thread([lost = std::move(own_)] { lost->close(); }).detach();
-        users_ = 0;
-        grace_ns_ = 0;
-        ++epoch_;
+        {
+            std::lock_guard lock(mutex_);
+            if (ready_) forget();
+        }
+        Session* lost = own_.release();
+        try {
+            std::thread([lost] {
+                lost->close();
+                delete lost;
+            }).detach();
+        } catch (const std::system_error&) {  // the vendor's watchdog closes it
+        }
         idle();
-        if (writer_) writer_->publish(status_);
+        writer_->publish(status_);
+    }
+
+    // Publishes the present status, and tells those that wait for it.
+    void serve() {
+        std::uint64_t asked;
+        {
+            std::lock_guard lock(mutex_);
+            asked = asked_;
+        }
+        read_and_write();
+        {
+            std::lock_guard lock(mutex_);
+            served_ = asked;
+            late_ = false;
+        }
+        changed_.notify_all();
     }
 
     void idle() {
@@ -265,7 +378,7 @@ private:
         status_.meta.stamp_ns = now_ns();
     }
 
-    void publish_locked() {
+    void read_and_write() {
         std::int64_t now = now_ns();
         if (own_) {
             int code = records::our_code(own_->core.GetStatus(&theirs_));
@@ -306,28 +419,12 @@ private:
         if (communicating && own_->io.GetInBytes(0, size, status_.inputs.data())) std::fill(status_.inputs.begin(), status_.inputs.end(), 0);
         if (own_->io.GetOutBytes(0, size, status_.outputs.data())) std::fill(status_.outputs.begin(), status_.outputs.end(), 0);
     }
-
-    // The engine may end with its last device, even in motion: the axes are stopped before.
-    void finish() {
-        std::unique_lock lock(mutex_);
-        if (!own_) return;
-        for (std::size_t axis = 0; axis < options.axes; ++axis) {
-            int number = static_cast<int>(axis);
-            if (theirs_.axesStatus[axis].axisCommandMode == AxisCommandMode::Velocity)
-                own_->core.velocity->ExecQuickStop(number);
-            else
-                own_->core.motion->ExecQuickStop(number);
-        }
-        for (std::int64_t until = now_ns() + options.stop_ms * MS; now_ns() < until && own_;) {
-            publish_locked();
-            auto states = status_.flags.begin() + vendor::OP_STATE * options.axes;
-            if (std::all_of(states, states + options.axes, [](auto state) { return state == 0; })) break;
-            std::this_thread::sleep_for(std::chrono::milliseconds(1));
-        }
-    }
 };
 
 Engine* engine = nullptr;
+
+// An axis that is not one of --axes.
+struct NoAxis {};
 
 // -- calls of the vendor's library from the arguments of a request --------------------------------------------------------
 
@@ -337,12 +434,18 @@ struct Request {
     long (*run)(Session&, const List&, List&);
 };
 
+// The status has no others, and they are not stopped when the bridge ends.
+int checked_axis(int axis) {
+    if (axis < 0 || static_cast<std::size_t>(axis) >= options.axes) throw NoAxis{};
+    return axis;
+}
+
 template <class F>
 long on_axes(const Value& value, F call) {
     const List& axes = records::list(value, tables::MAX_AXES);
     AxisSelection selection;
     selection.axisCount = static_cast<int>(axes.size());
-    for (std::size_t index = 0; index < axes.size(); ++index) selection.axis[index] = whole(axes[index]);
+    for (std::size_t index = 0; index < axes.size(); ++index) selection.axis[index] = checked_axis(whole(axes[index]));
     return axes.size() == 1 ? call(selection.axis[0]) : call(&selection);
 }
 
@@ -351,6 +454,7 @@ long commands(const Value& value, F call) {
     const List& items = records::list(value, tables::MAX_AXES);
     std::vector<C> made(items.size() + 1);  // never without an element
     for (std::size_t index = 0; index < items.size(); ++index) Decode::decode(items[index], made[index], options.axes);
+    for (auto& one : made) checked_axis(one.axis);
     return items.size() == 1 ? call(made.data()) : call(static_cast<unsigned>(items.size()), made.data());
 }
 
@@ -384,8 +488,16 @@ class Client {
 public:
     explicit Client(int socket) : socket_(socket) {}
 
+    ~Client() { close(socket_); }
+    Client(const Client&) = delete;
+    Client& operator=(const Client&) = delete;
+
     std::atomic<bool> ended = false;
     std::thread thread;
+    std::timed_mutex busy;  // held for every use of the device
+
+    // With busy. False without a device that answers.
+    bool stop() { return session_ && stop_axes(*session_); }
 
     void cut() { shutdown(socket_, SHUT_RDWR); }
 
@@ -394,7 +506,7 @@ public:
             serve();
         } catch (const std::exception&) {  // no frame of this protocol, or no memory for it
         }
-        close(socket_);
+        cut();
         orphan();
         ended = true;
     }
@@ -410,13 +522,19 @@ private:
         char data[16384];
         while (true) {
             ssize_t count = recv(socket_, data, sizeof data, 0);
+            if (count < 0 && errno == EINTR) continue;
             if (count <= 0) return;
             decoder.feed(data, static_cast<std::size_t>(count));
             while (auto message = decoder.next()) {
                 bool creating = !session_;
-                Answer answer = execute(*message);
+                Answer answer;
+                {
+                    std::lock_guard lock(busy);
+                    answer = execute(*message, decoder);
+                }
                 if (put(message->front(), answer)) continue;
-                if (creating && session_) drop();  // nobody knows of this device
+                std::lock_guard lock(busy);
+                if (creating) drop();  // nobody knows of this device
                 return;
             }
         }
@@ -433,13 +551,25 @@ private:
         }
         for (std::size_t sent = 0; sent < frame.size();) {
             ssize_t count = send(socket_, frame.data() + sent, frame.size() - sent, MSG_NOSIGNAL);
+            if (count < 0 && errno == EINTR) continue;
             if (count <= 0) return false;
             sent += static_cast<std::size_t>(count);
         }
         return true;
     }
 
-    Answer execute(const List& message) {
+    // The client waits no longer for the answer: it is gone, or has sent another request.
+    bool given_up(const wire::Decoder& decoder) const {
+        pollfd state{socket_, POLLIN | POLLRDHUP, 0};
+        return decoder.pending() || poll(&state, 1, 0) > 0;
+    }
+
+    static bool moves(const std::string& method, const List& arguments) {
+        if (method == "axisControl.SetServoOn") return !arguments[1].as<std::int64_t>() || *arguments[1].as<std::int64_t>();
+        return MOVING.contains(method);
+    }
+
+    Answer execute(const List& message, const wire::Decoder& decoder) {
         auto method = message[1].as<std::string>();
         List arguments(message.begin() + 2, message.end());
         if (!method) return {NO_SUPPORTED_FUNCTION, {}};
@@ -450,12 +580,15 @@ private:
         if (arguments.size() != (own == OWN.end() ? request->second.arity : own->second.arity)) return {ARGUMENT_RANGE, {}};
         if (ending) return {API_CHANNEL_ERROR, {}};
         if (!session_ && *method != "CreateDevice") return {DEVICE_IS_NULL, {}};
+        if (moves(*method, arguments) && given_up(decoder)) return {API_CHANNEL_TIMEOUT, {}};
         Answer answer;
         try {
             if (own != OWN.end()) return (this->*own->second.run)(arguments);
             answer.code = records::our_code(request->second.run(*session_, arguments, answer.values));
         } catch (const BadArgument&) {
             answer = {ARGUMENT_RANGE, {}};
+        } catch (const NoAxis&) {
+            answer = {AXIS_RANGE, {}};
         } catch (const Unfit&) {
             answer = {own != OWN.end() ? ARGUMENT_RANGE : request->second.unfit, {}};
         }
@@ -471,17 +604,20 @@ private:
         Answer (Client::*run)(const List&);
     };
     static const std::unordered_map<std::string_view, Own> OWN;
+    static const std::unordered_set<std::string_view> MOVING;
 
     Answer create(const List& arguments) {
         if (session_) return {RESOURCE_IN_USE, {}};
         int type = whole(arguments[0]);
         if (type < 0 || type > 3) return {ARGUMENT_RANGE, {}};
-        if (int code = engine->hold()) return {code, {}};
-        std::int64_t epoch = engine->epoch();
+        DeviceType::T kind = named<DeviceType::T>(arguments[0]);
+        std::int64_t epoch = 0;
+        if (int code = engine->hold(epoch)) return {code, {}};
         auto made = std::make_unique<Session>();
         made->epoch = epoch;
-        if (int code = made->create(named<DeviceType::T>(arguments[0]), DEVICE_MS)) {
-            engine->release(epoch);
+        if (int code = made->create(kind, DEVICE_MS)) {
+            made->close();  // it may exist by then
+            engine->give_back(epoch);
             return {code, {}};
         }
         session_ = std::move(made);
@@ -636,7 +772,7 @@ private:
         AdvMotion::PointTimeSplineCommand command;
         if (axes.size() > std::size(command.axis)) return {DIMENSION_RANGE, {}};
         command.dimensionCount = static_cast<unsigned>(axes.size());
-        for (std::size_t dimension = 0; dimension < axes.size(); ++dimension) command.axis[dimension] = whole(axes[dimension]);
+        for (std::size_t dimension = 0; dimension < axes.size(); ++dimension) command.axis[dimension] = checked_axis(whole(axes[dimension]));
         std::vector<AdvMotion::SplinePoint> points(times->size() + 1);
         for (std::size_t index = 0; index < times->size(); ++index)
             std::copy_n(positions->begin() + index * axes.size(), axes.size(), points[index].pos);
@@ -682,6 +818,7 @@ private:
             if (session_->epoch != engine->epoch()) break;
             std::this_thread::sleep_for(std::chrono::milliseconds(20));
         }
+        std::lock_guard lock(busy);
         drop();
     }
 };
@@ -699,6 +836,12 @@ const std::unordered_map<std::string_view, Client::Own> Client::OWN = {
     {"WMX3Api.GetDeviceName", {0, &Client::get_name}},
     {"WMX3Api.GetAllDevices", {0, &Client::all_devices}},
     {"Ecat.ScanNetwork", {1, &Client::scan_network}},
+};
+
+// Commands that must not be executed late, when another client may have stopped the robot; also servos on, see moves.
+const std::unordered_set<std::string_view> Client::MOVING = {
+    "CoreMotion.ReleaseEStop", "StartSpline",     "home.StartHome", "motion.StartMov", "motion.StartPos",
+    "velocity.StartVel",       "velocity.StartVel_TimedVel",
 };
 
 [[noreturn]] void give_up(const std::string& why) {
@@ -740,15 +883,34 @@ void serve(int listener, std::list<Client>& clients) {
             one = clients.erase(one);
         }
         int connection = accept4(listener, nullptr, nullptr, SOCK_CLOEXEC);
-        if (connection < 0) continue;
+        if (connection < 0) {
+            if (errno != EAGAIN && errno != EINTR) std::this_thread::sleep_for(std::chrono::milliseconds(100));  // no descriptor is free
+            continue;
+        }
         if (clients.size() >= MAX_CLIENTS) {
             close(connection);
             continue;
         }
         clients.emplace_back(connection);
         Client& client = clients.back();
-        client.thread = std::thread([&client] { client.run(); });
+        try {
+            client.thread = std::thread([&client] { client.run(); });
+        } catch (const std::system_error&) {  // no thread is free
+            clients.pop_back();
+        }
     }
+}
+
+// The engine may end with its last device, even in motion: the axes are stopped before. No command is executed any more.
+void stop_all(std::list<Client>& clients) {
+    std::vector<std::unique_lock<std::timed_mutex>> locks;
+    bool done = false;
+    auto until = std::chrono::steady_clock::now() + END_WAIT;
+    for (auto& one : clients) locks.emplace_back(one.busy, until);
+    auto lock = locks.begin();
+    for (auto& one : clients)
+        if ((lock++)->owns_lock() && !done) done = one.stop();
+    if (!done) engine->stop();
 }
 
 std::size_t number(const char* text, std::size_t least, std::size_t greatest, const std::string& name) {
@@ -784,6 +946,8 @@ int main(int count, char** words) {
     action.sa_handler = [](int) { ending = true; };
     sigaction(SIGTERM, &action, nullptr);
     sigaction(SIGINT, &action, nullptr);
+    sigaction(SIGHUP, &action, nullptr);
+    signal(SIGPIPE, SIG_IGN);
     hold(options.folder);
     try {
         Engine whole_engine;  // a client that connects finds the page
@@ -792,10 +956,17 @@ int main(int count, char** words) {
         std::thread cycle([] { engine->run(); });
         std::list<Client> clients;
         serve(listener, clients);
-        cycle.join();
+        stop_all(clients);
         closing = true;
         for (auto& one : clients) one.cut();
         for (auto& one : clients) one.thread.join();
+        closed = true;
+        for (int waited = 0; waited < 2000 && !engine->ended(); ++waited) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+        if (!engine->ended()) {
+            std::fputs("wmx_bridge: the engine does not answer\n", stderr);
+            std::_Exit(1);
+        }
+        cycle.join();
     } catch (const std::exception& error) {
         give_up(error.what());
     }

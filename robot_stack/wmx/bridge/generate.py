@@ -2,7 +2,7 @@
 
 Requests, records, status rows, numbers by name and the entries of a parameter file have one description, in Python.
 The compiler checks it against the vendor's headers: a call, a class or a field that they lack does not compile. Only
-numbers of enumerations and fields of the status may be missing, as in the vendor adapter.
+numbers of enumerations and fields of the status that are not needed may be missing, as in the vendor adapter.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from robot_stack.wmx.simulated.protocol import LARGEST_FRAME, SOCKET_FILE
 from robot_stack.wmx.simulated.status_memory import LAYOUT, MAGIC, STATUS_FILE
 from robot_stack.wmx.simulated.wire import request_name
 from robot_stack.wmx.vendor.names import ERROR_ENUMS, STRANGER
-from robot_stack.wmx.vendor.snapshots import FLAGS, REALS
+from robot_stack.wmx.vendor.snapshots import FLAGS, NEEDED, REALS
 
 FOLDER: Final = Path(__file__).parent
 BY_HAND: Final = frozenset({"SetDeviceName", "GetDeviceName", "GetAllDevices", "StopCommunication", "ScanNetwork"})
@@ -127,15 +127,14 @@ def numbers() -> str:
         lines += ["template <class V>", f"void visit({cpp(record.__name__)}& r, V&& v) {{"]
         lines += [f"    v(r.{item.name});" for item in fields(record)]
         lines += ["}", ""]
-    lines += ["// Fields that a version lacks are left out.", "template <class Axis, class V>"]
-    lines += ["void visit_status(Axis& a, V&& v) {"]
+    lines += ["// Fields that a version lacks are left out; those that the robot needs must exist."]
+    lines += ["template <class Axis, class V>", "void visit_status(Axis& a, V&& v) {"]
     rows: list[tuple[str, Mapping[Any, str]]] = [("flag", FLAGS), ("real", REALS)]
     for what, table in rows:
         taken: set[str] = set()
         for row, name in table.items():
-            lines += [
-                f"    if constexpr (requires {{ a.{name}; }}) v.{what}({int(row)}, a.{name}, {_truth(name in taken)});"
-            ]
+            guard = "" if name in NEEDED else f"if constexpr (requires {{ a.{name}; }}) "
+            lines += [f"    {guard}v.{what}({int(row)}, a.{name}, {_truth(name in taken)});"]
             taken.add(name)
     lines += ["}", ""]
     lines += [f"constexpr int SERVO_OFFLINE = {int(Flag.SERVO_OFFLINE)}, COMMAND_MODE = {int(Flag.COMMAND_MODE)};"]

@@ -282,6 +282,9 @@ class Decoder {
 public:
     void feed(const char* data, std::size_t count) { buffer_.append(data, count); }
 
+    // There are bytes behind the last message.
+    bool pending() const { return !buffer_.empty(); }
+
     // The next complete message. Throws FrameError.
     std::optional<List> next() {
         if (buffer_.size() < LENGTH_BYTES) return {};

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import socket
 import struct
@@ -16,12 +17,14 @@ from pathlib import Path
 import pytest
 
 from robot_stack.wmx import MotionEngine
-from robot_stack.wmx.api import EngineState, ErrorCode, OperationState, Profile, Velocity_TimedVelCommand
+from robot_stack.wmx.api import EngineState, ErrorCode, EStopLevel, OperationState, Profile, Velocity_TimedVelCommand
 from robot_stack.wmx.bridge import generate
 from robot_stack.wmx.engine_server.requests import METHODS
+from robot_stack.wmx.simulated.channel import StatusView
 from robot_stack.wmx.simulated.protocol import LARGEST_FRAME, SOCKET_FILE, Decoder, encode
+from robot_stack.wmx.vendor.snapshots import NEEDED
 from tests.support.waiting import wait_for
-from tests.support.wmx.bridge import BridgeProcess, build
+from tests.support.wmx.bridge import BridgeProcess, build, compiler
 from tests.unit.wmx.conformance import EngineConformance, cruising, vel
 from tests.unit.wmx.harness import (
     N_AXES,
@@ -47,7 +50,8 @@ class BridgeHarness(Harness):
         super().__init__(folder)
         self.config = self.config.model_copy(update={"engine": "vendor", "path": "/opt/lmx/", "bridge": str(folder)})
         self.engine = ProcessHarness(engine_folder)
-        self._start = lambda: BridgeProcess(program, folder, engine_folder, N_AXES, N_IO_BYTES, **options)
+        given = {"axes": N_AXES, "io_bytes": N_IO_BYTES, **options}
+        self._start = lambda: BridgeProcess(program, folder, engine_folder, **given)
         self.bridge = self._start()
 
     def restart(self) -> None:
@@ -102,6 +106,36 @@ class TestBridge(EngineConformance):
 def test_generated_tables_are_up_to_date(name: str) -> None:
     text = (generate.FOLDER / name).read_text(encoding="utf-8")
     assert text == generate.FILES[name](), "run python -m robot_stack.wmx.bridge.generate"
+
+
+_READS_AXES = """
+#include <CoreMotionApi.h>
+using namespace wmx3Api;
+#include "generated/vendor.hpp"
+struct Rows {
+    template <class F> void flag(int, F&, bool) {}
+    void real(int, double, bool) {}
+};
+void read(CoreMotionAxisStatus& axis) { vendor::visit_status(axis, Rows{}); }
+"""
+
+
+def test_headers_without_a_needed_field_do_not_compile(tmp_path: Path) -> None:
+    header = (generate.FOLDER / "standin" / "CoreMotionApi.h").read_text(encoding="utf-8")
+    unit = tmp_path / "reads.cpp"
+    unit.write_text(_READS_AXES, encoding="utf-8")
+    command = [compiler(), "-std=c++20", "-fsyntax-only", f"-I{tmp_path}", f"-I{generate.FOLDER}"]
+    command += [f"-I{generate.FOLDER / 'standin'}", str(unit)]
+
+    def errors(*missing: str) -> str:
+        changed = re.sub(rf"\b({'|'.join(missing)})\b", r"\1Renamed", header)
+        (tmp_path / "CoreMotionApi.h").write_text(changed, encoding="utf-8")
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+        return done.stderr.replace("\u2018", "'").replace("\u2019", "'")
+
+    assert errors("homeDone", "inPos") == "", "a field that is not needed"
+    text = errors(*NEEDED)
+    assert [field for field in NEEDED if f"'{field}'" not in text] == []
 
 
 # -- requests ----------------------------------------------------------------------------------------------------------
@@ -203,6 +237,45 @@ def test_frames_may_arrive_in_pieces_and_together(harness: BridgeHarness) -> Non
         assert [answer[:2] for answer in answers] == [[1, GOOD], [2, GOOD], [3, GOOD]]
         assert answers[2][2] == "Prüfling \N{WHEELCHAIR SYMBOL}"
         assert ask(connection, "CloseDevice") == [GOOD]
+
+
+def test_axis_that_the_status_does_not_have_is_refused(program: Path) -> None:
+    with bridged(program, axes=VEL) as harness:
+        engine = harness.connect()
+        for axis in (VEL, -1):
+            assert engine.core_motion.velocity.StartVel(vel(axis, 5.0)) == ErrorCode.AxisOutOfRange
+            assert engine.core_motion.axisControl.SetServoOn(axis, 1) == ErrorCode.AxisOutOfRange
+        assert engine.core_motion.axisControl.SetServoOn(VEL - 1, 1) != ErrorCode.AxisOutOfRange
+
+
+def frames(*requests: tuple[object, ...]) -> bytes:
+    return b"".join(encode([number, *request]) for number, request in enumerate(requests, 1))
+
+
+def test_moving_command_that_its_client_has_given_up_is_refused(program: Path) -> None:
+    with bridged(program) as harness:
+        observer = harness.connect("observer")
+        late, stop, name = (
+            ("axisControl.SetServoOn", [0], 1),
+            ("axisControl.SetServoOn", [0], 0),
+            ("WMX3Api.GetDeviceName",),
+        )
+        with harness.raw_socket() as connection, harness.raw_socket() as dead:
+            for one in (connection, dead):
+                assert ask(one, "CreateDevice", 0)[0] == GOOD
+            harness.bridge.process.send_signal(signal.SIGSTOP)  # hangs for longer than its clients wait
+            connection.sendall(frames(late, stop, ("CoreMotion.ReleaseEStop",), name))
+            dead.sendall(frames(late))
+            dead.shutdown(socket.SHUT_WR)
+            harness.bridge.process.send_signal(signal.SIGCONT)
+            decoder, answers = Decoder(), []
+            while len(answers) < 4:
+                answers += decoder.feed(connection.recv(65536))
+            given_up = ErrorCode.APIChannelTimeOut
+            assert [code == given_up for _, code, *_ in answers] == [True, False, True, False]
+            assert Decoder().feed(dead.recv(65536)) == [[1, given_up]]
+            assert ask(connection, *late) != [given_up], "the client waits for it"
+        assert observer.api.GetDeviceName()[0] == GOOD
 
 
 # -- the ends of a process ---------------------------------------------------------------------------------------------
@@ -320,9 +393,55 @@ def test_sigterm_stops_the_axes_before_the_bridge_ends(program: Path) -> None:
 
 
 def _moving(folder: Path) -> bool:
-    from robot_stack.wmx.simulated.channel import StatusView
-
     return bool(StatusView(folder, 5.0).read()[1].op_state.any())
+
+
+@pytest.mark.parametrize("milliseconds", [5, 0], ids=["slow", "hangs"])
+def test_slow_or_hanging_status_holds_up_no_command(program: Path, milliseconds: int) -> None:
+    with bridged(program) as harness:
+        harness.config = harness.config.model_copy(update={"status_stale_s": 0.2})
+        engine = harness.ready()
+        other = harness.connect("other")
+        delay_status(harness, milliseconds)
+        for client in (engine, other):
+            assert client.api.SetDeviceName("present") == GOOD
+        assert engine.core_motion.velocity.StartVel(vel(VEL, 5.0)) == GOOD
+        wait_for(lambda: _moving(harness.engine.folder), "motion")
+        assert engine.core_motion.ExecEStop(EStopLevel.Level1) == GOOD
+        wait_for(lambda: not _moving(harness.engine.folder), "rest")
+        assert other.core_motion.ReleaseEStop() == GOOD
+        if milliseconds == 0:
+            wait_for(lambda: engine.read_status()[0] == ErrorCode.StatusChannelError, "stale status")
+
+
+def delay_status(harness: BridgeHarness, milliseconds: int) -> None:
+    """Delays the bridge's own reading of the status from here on; 0: it hangs."""
+    (harness.engine.folder / "standin.status_ms").write_text(f"{milliseconds}", encoding="ascii")
+
+
+def test_sigterm_stops_the_axes_while_the_status_hangs(program: Path) -> None:
+    with bridged(program) as harness:
+        engine = harness.ready()
+        with harness.engine.raw_socket() as connection:
+            assert ask(connection, "CreateDevice", 0)[0] == GOOD
+            assert engine.core_motion.velocity.StartVel(vel(VEL, 100.0)) == GOOD
+            wait_status(engine, cruising(VEL, 100.0), "motion")
+            delay_status(harness, 0)
+            harness.bridge.process.send_signal(signal.SIGHUP)
+            _, errors = harness.bridge.process.communicate(timeout=30.0)
+            assert (harness.bridge.process.returncode, errors) == (1, "wmx_bridge: the engine does not answer\n")
+            assert not _moving(harness.engine.folder)
+            assert engine_state(harness.engine.folder) is EngineState.Communicating
+
+
+def test_engine_lives_on_after_a_creation_that_failed(program: Path) -> None:
+    """The client repeats it; an engine that ended meanwhile would start again and again."""
+    with bridged(program) as harness, harness.raw_socket() as connection:
+        harness.engine.process.send_signal(signal.SIGSTOP)
+        assert ask(connection, "CreateDevice", 0)[0] == ErrorCode.EngineNotStartedInSpecifiedTime
+        harness.engine.process.send_signal(signal.SIGCONT)
+        wait_for(lambda: engine_state(harness.folder) is EngineState.Running, "the engine")
+        assert ask(connection, "CreateDevice", 0)[0] == GOOD
 
 
 def test_second_bridge_in_the_same_folder_is_refused(harness: BridgeHarness, program: Path) -> None:

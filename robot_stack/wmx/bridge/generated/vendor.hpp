@@ -454,18 +454,18 @@ void visit(Config::AxisParam& r, V&& v) {
     v(r.absoluteEncoderHomeOffset);
 }
 
-// Fields that a version lacks are left out.
+// Fields that a version lacks are left out; those that the robot needs must exist.
 template <class Axis, class V>
 void visit_status(Axis& a, V&& v) {
-    if constexpr (requires { a.servoOn; }) v.flag(0, a.servoOn, false);
-    if constexpr (requires { a.servoOn; }) v.flag(1, a.servoOn, true);
-    if constexpr (requires { a.servoOffline; }) v.flag(2, a.servoOffline, false);
-    if constexpr (requires { a.ampAlarm; }) v.flag(3, a.ampAlarm, false);
+    v.flag(0, a.servoOn, false);
+    v.flag(1, a.servoOn, true);
+    v.flag(2, a.servoOffline, false);
+    v.flag(3, a.ampAlarm, false);
     if constexpr (requires { a.ampAlarmCode; }) v.flag(4, a.ampAlarmCode, false);
     if constexpr (requires { a.followingErrorAlarm; }) v.flag(5, a.followingErrorAlarm, false);
-    if constexpr (requires { a.opState; }) v.flag(6, a.opState, false);
+    v.flag(6, a.opState, false);
     if constexpr (requires { a.detailOpState; }) v.flag(7, a.detailOpState, false);
-    if constexpr (requires { a.axisCommandMode; }) v.flag(8, a.axisCommandMode, false);
+    v.flag(8, a.axisCommandMode, false);
     if constexpr (requires { a.commandReady; }) v.flag(9, a.commandReady, false);
     if constexpr (requires { a.motionComplete; }) v.flag(10, a.motionComplete, false);
     if constexpr (requires { a.inPos; }) v.flag(11, a.inPos, false);
@@ -484,8 +484,8 @@ void visit_status(Axis& a, V&& v) {
     if constexpr (requires { a.negativeLS; }) v.flag(26, a.negativeLS, false);
     if constexpr (requires { a.homeSwitch; }) v.flag(27, a.homeSwitch, false);
     if constexpr (requires { a.homeError; }) v.flag(28, a.homeError, false);
-    if constexpr (requires { a.posCmd; }) v.real(0, a.posCmd, false);
-    if constexpr (requires { a.actualPos; }) v.real(1, a.actualPos, false);
+    v.real(0, a.posCmd, false);
+    v.real(1, a.actualPos, false);
     if constexpr (requires { a.velocityCmd; }) v.real(2, a.velocityCmd, false);
     if constexpr (requires { a.actualVelocity; }) v.real(3, a.actualVelocity, false);
     if constexpr (requires { a.actualTorque; }) v.real(4, a.actualTorque, false);

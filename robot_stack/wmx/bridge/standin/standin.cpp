@@ -58,6 +58,7 @@ struct Device {
     wire::Decoder decoder;
     std::unique_ptr<page::Mapping> status;
     ino_t inode = 0;
+    bool delayed = false;
 
     ~Device() { forget(); }
 
@@ -292,7 +293,10 @@ long WMX3Api::GetAllDevices(DevicesInfoA* devices) {
     return 0;
 }
 
-long WMX3Api::SetDeviceName(char* name) { return ask(this, "WMX3Api.SetDeviceName", arguments(std::string(name))); }
+long WMX3Api::SetDeviceName(char* name) {
+    dev->delayed = name == std::string("wmx_bridge");
+    return ask(this, "WMX3Api.SetDeviceName", arguments(std::string(name)));
+}
 
 long WMX3Api::GetDeviceName(char* nameBuf, unsigned int bufSize) {
     List results;
@@ -339,7 +343,24 @@ struct ToField {
 
 }  // namespace
 
+namespace {
+
+// For tests: while the engine's folder has this file, the bridge's own status takes its number of milliseconds; 0: hangs.
+void delay(const std::string& path) {
+    int ms = -1;
+    while (FILE* file = std::fopen(path.c_str(), "r")) {
+        if (std::fscanf(file, "%d", &ms) != 1) ms = 0;
+        std::fclose(file);
+        if (ms) break;
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    if (ms > 0) std::this_thread::sleep_for(std::chrono::milliseconds(ms));
+}
+
+}  // namespace
+
 long CoreMotion::GetStatus(CoreMotionStatus* pStatus) {
+    if (wmx3Api->dev->delayed) delay(wmx3Api->dev->folder + "/standin.status_ms");
     std::optional<page::Status> status;
     if (int code = wmx3Api->dev->read(status)) return records::their_code(code);
     const page::Meta& meta = status->meta;
