@@ -58,7 +58,8 @@ namespace {
 constexpr int API_CHANNEL_ERROR = 269, API_CHANNEL_TIMEOUT = 270, CLOSE_LOCK = 298, DEVICE_IS_NULL = 301, NO_SUPPORTED_FUNCTION = 304,
               NOT_STARTED_IN_TIME = 1283, COMM_NOT_STARTED_IN_TIME = 1285, COMM_NOT_STOPPED_IN_TIME = 1286, ARGUMENT_RANGE = 1555,
               AXIS_RANGE = 1547, RESOURCE_IN_USE = 1561, FILE_FAILED = 1562, PARSE_FAILED = 65542, SETTINGS_INVALID = 65536, TIME_RANGE = 65592,
-              POINTS_TOO_CLOSE = 94222, DIMENSION_RANGE = 94224;
+              POSITION_RANGE = 65580, VELOCITY_RANGE = 65581, ACC_RANGE = 65582, DEC_RANGE = 65583, STARTING_VELOCITY_RANGE = 65588,
+              END_VELOCITY_RANGE = 65589, RUN_TIME_RANGE = 65591, POINTS_TOO_CLOSE = 94222, DIMENSION_RANGE = 94224;
 
 constexpr std::int64_t MS = 1'000'000;
 constexpr std::int64_t LOST_NS = 2000 * MS;      // without a new status while the bus runs or calls fail, the engine is lost
@@ -423,8 +424,10 @@ private:
 
 Engine* engine = nullptr;
 
-// An axis that is not one of --axes.
-struct NoAxis {};
+// An argument that does not reach the vendor's library, and its code.
+struct Refused {
+    int code;
+};
 
 // -- calls of the vendor's library from the arguments of a request --------------------------------------------------------
 
@@ -436,9 +439,43 @@ struct Request {
 
 // The status has no others, and they are not stopped when the bridge ends.
 int checked_axis(int axis) {
-    if (axis < 0 || static_cast<std::size_t>(axis) >= options.axes) throw NoAxis{};
+    if (axis < 0 || static_cast<std::size_t>(axis) >= options.axes) throw Refused{AXIS_RANGE};
     return axis;
 }
+
+// The vendor does not document what it does with NaN or an infinity.
+double checked(double number, int code) {
+    if (!std::isfinite(number)) throw Refused{code};
+    return number;
+}
+
+double finite(const Value& value, int code) { return checked(real(value), code); }
+
+template <class C>
+void check(const C& command) {
+    checked_axis(command.axis);
+    const Profile& profile = command.profile;
+    checked(profile.startingVelocity, STARTING_VELOCITY_RANGE);
+    checked(profile.endVelocity, END_VELOCITY_RANGE);
+    checked(profile.velocity, VELOCITY_RANGE);
+    checked(profile.acc, ACC_RANGE);
+    checked(profile.dec, DEC_RANGE);
+    checked(profile.accTimeMilliseconds, TIME_RANGE);
+    checked(profile.decTimeMilliseconds, TIME_RANGE);
+    if constexpr (requires { command.target; }) checked(command.target, POSITION_RANGE);
+    if constexpr (requires { command.runTimeMilliseconds; }) checked(command.runTimeMilliseconds, RUN_TIME_RANGE);
+}
+
+// A parameter block.
+struct CheckBlock {
+    template <class F>
+    void operator()(const F& field) {
+        if constexpr (std::is_same_v<F, double>)
+            checked(field, SETTINGS_INVALID);
+        else if constexpr (std::is_array_v<F>)
+            for (std::size_t axis = 0; axis < options.axes; ++axis) (*this)(field[axis]);
+    }
+};
 
 template <class F>
 long on_axes(const Value& value, F call) {
@@ -454,7 +491,7 @@ long commands(const Value& value, F call) {
     const List& items = records::list(value, tables::MAX_AXES);
     std::vector<C> made(items.size() + 1);  // never without an element
     for (std::size_t index = 0; index < items.size(); ++index) Decode::decode(items[index], made[index], options.axes);
-    for (auto& one : made) checked_axis(one.axis);
+    for (auto& one : made) check(one);
     return items.size() == 1 ? call(made.data()) : call(static_cast<unsigned>(items.size()), made.data());
 }
 
@@ -470,6 +507,7 @@ template <class R, class Get, class Set>
 long change(const Value& value, Get get, Set set) {
     auto record = std::make_unique<R>();
     Decode::decode(value, *record, options.axes);  // wrong data must not depend on the engine's state
+    vendor::visit(*record, CheckBlock{});
     long code = get(record.get());
     if (code) return code;
     Decode::decode(value, *record, options.axes);
@@ -587,8 +625,8 @@ private:
             answer.code = records::our_code(request->second.run(*session_, arguments, answer.values));
         } catch (const BadArgument&) {
             answer = {ARGUMENT_RANGE, {}};
-        } catch (const NoAxis&) {
-            answer = {AXIS_RANGE, {}};
+        } catch (const Refused& refused) {
+            answer = {refused.code, {}};
         } catch (const Unfit&) {
             answer = {own != OWN.end() ? ARGUMENT_RANGE : request->second.unfit, {}};
         }
@@ -760,7 +798,7 @@ private:
 
     static std::vector<double> numbers(const Value& value, std::size_t count) {
         std::vector<double> made;
-        for (auto& one : records::list(value, count)) made.push_back(real(one));
+        for (auto& one : records::list(value, count)) made.push_back(finite(one, SETTINGS_INVALID));
         if (made.size() != count) throw BadArgument{};
         return made;
     }
@@ -769,6 +807,8 @@ private:
         const List& axes = records::list(arguments[1], tables::MAX_AXES);
         auto positions = wire::unpack(records::text(arguments[2])), times = wire::unpack(records::text(arguments[3]));
         if (!positions || !times || positions->size() != times->size() * axes.size()) return {ARGUMENT_RANGE, {}};
+        for (double one : *positions) checked(one, POSITION_RANGE);
+        for (double one : *times) checked(one, TIME_RANGE);
         AdvMotion::PointTimeSplineCommand command;
         if (axes.size() > std::size(command.axis)) return {DIMENSION_RANGE, {}};
         command.dimensionCount = static_cast<unsigned>(axes.size());

@@ -36,6 +36,8 @@ _RENAMED: Final = {"StartVel_TimedVel": "StartVel"}
 _RESULTS: Final = {"GetAxisPolarity": ("char",), "GetSplineBufferPoints": ("unsigned",)}
 _NARROW: Final = {"SetAxisPolarity": "narrow<signed char>(a[1])"}
 """Types of the vendor's header that differ from the port's."""
+_NOT_FINITE: Final = {"SetCommandPos": CoreMotionErrorCode.PositionArgumentOutOfRange}
+"""Codes for NaN and the infinities; ArgumentOutOfRange for other calls."""
 _RECORDS: Final = (
     api.Profile,
     api.Motion_PosCommand,
@@ -181,7 +183,7 @@ def _block(name: str, call: Call) -> str:
 def _plain(owner: str, name: str, call: Call) -> str:
     method = _OBJECTS.get(owner, f"s.core.{owner}->") + _RENAMED.get(name, name.removesuffix("_AxisSel"))
     first = call.takes[0] if call.takes else None
-    given = [_argument(kind, index) for index, kind in enumerate(call.takes)]
+    given = [_argument(kind, index, _NOT_FINITE.get(name)) for index, kind in enumerate(call.takes)]
     if name in _NARROW:
         given[-1] = _NARROW[name]
     if isinstance(first, Commands):
@@ -194,10 +196,12 @@ def _plain(owner: str, name: str, call: Call) -> str:
     return f"{method}({', '.join(given)})"
 
 
-def _argument(kind: Any, index: int) -> str:
+def _argument(kind: Any, index: int, not_finite: int | None) -> str:
+    if kind is Plain.DOUBLE:
+        return f"finite(a[{index}], {int(not_finite or ErrorCode.ArgumentOutOfRange)})"
     if isinstance(kind, type) and issubclass(kind, IntEnum):
         return f"named<{cpp(kind.__name__)}::T>(a[{index}])"
-    readers = {Plain.INT: "whole", Plain.UINT: "natural", Plain.UCHAR: "narrow<unsigned char>", Plain.DOUBLE: "real"}
+    readers = {Plain.INT: "whole", Plain.UINT: "natural", Plain.UCHAR: "narrow<unsigned char>"}
     return f"{readers.get(kind, '')}(a[{index}])" if kind in readers else ""
 
 

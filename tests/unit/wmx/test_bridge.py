@@ -18,10 +18,11 @@ import pytest
 
 from robot_stack.wmx import MotionEngine
 from robot_stack.wmx.api import EngineState, ErrorCode, EStopLevel, OperationState, Profile, Velocity_TimedVelCommand
+from robot_stack.wmx.api.errors import CoreMotionErrorCode as Code
 from robot_stack.wmx.bridge import generate
 from robot_stack.wmx.engine_server.requests import METHODS
 from robot_stack.wmx.simulated.channel import StatusView
-from robot_stack.wmx.simulated.protocol import LARGEST_FRAME, SOCKET_FILE, Decoder, encode
+from robot_stack.wmx.simulated.protocol import LARGEST_FRAME, SOCKET_FILE, Decoder, encode, pack
 from robot_stack.wmx.vendor.snapshots import NEEDED
 from tests.support.waiting import wait_for
 from tests.support.wmx.bridge import BridgeProcess, build, compiler
@@ -248,6 +249,22 @@ def test_axis_that_the_status_does_not_have_is_refused(program: Path) -> None:
         assert engine.core_motion.axisControl.SetServoOn(VEL - 1, 1) != ErrorCode.AxisOutOfRange
 
 
+def test_number_that_is_not_finite_does_not_reach_the_engine(program: Path) -> None:
+    nan, inf = float("nan"), float("inf")
+    commands: list[tuple[tuple[object, ...], int]] = [
+        (("velocity.StartVel", [[VEL, [0, nan, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]]]), Code.VelocityArgumentOutOfRange),
+        (("motion.StartPos", [[0, inf, [0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0]]]), Code.PositionArgumentOutOfRange),
+        (("home.SetCommandPos", 0, nan), Code.PositionArgumentOutOfRange),
+        (("config.SetGearRatio", 0, nan, 1.0), ErrorCode.ArgumentOutOfRange),
+        (("config.SetMotionParam", 0, [nan, 1, False]), Code.ParameterSettingsInvalid),
+        (("StartSpline", 0, [0], pack([[nan]]), pack([1.0])), Code.PositionArgumentOutOfRange),
+    ]
+    with bridged(program) as harness, harness.raw_socket() as connection:
+        wait_for(lambda: ask(connection, "CreateDevice", 0)[0] == GOOD, "a device")
+        harness.engine.process.send_signal(signal.SIGSTOP)
+        assert [ask(connection, *request) for request, _ in commands] == [[code] for _, code in commands]
+
+
 def frames(*requests: tuple[object, ...]) -> bytes:
     return b"".join(encode([number, *request]) for number, request in enumerate(requests, 1))
 
@@ -437,10 +454,16 @@ def test_sigterm_stops_the_axes_while_the_status_hangs(program: Path) -> None:
 def test_engine_lives_on_after_a_creation_that_failed(program: Path) -> None:
     """The client repeats it; an engine that ended meanwhile would start again and again."""
     with bridged(program) as harness, harness.raw_socket() as connection:
+        refusal = harness.engine.folder / "standin.no_device"
+        late = ErrorCode.EngineNotStartedInSpecifiedTime
         harness.engine.process.send_signal(signal.SIGSTOP)
-        assert ask(connection, "CreateDevice", 0)[0] == ErrorCode.EngineNotStartedInSpecifiedTime
+        assert ask(connection, "CreateDevice", 0) == [late]
         harness.engine.process.send_signal(signal.SIGCONT)
         wait_for(lambda: engine_state(harness.folder) is EngineState.Running, "the engine")
+        refusal.touch()
+        assert ask(connection, "CreateDevice", 0) == [late]
+        refusal.unlink()
+        assert engine_state(harness.folder) is EngineState.Running
         assert ask(connection, "CreateDevice", 0)[0] == GOOD
 
 

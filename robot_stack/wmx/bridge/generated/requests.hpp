@@ -70,11 +70,11 @@ inline const std::unordered_map<std::string_view, Request> REQUESTS = {
       }}},
     {"home.SetCommandPos",
      {2, 1555, [](Session& s, const List& a, List&) {
-          return s.core.home->SetCommandPos(whole(a[0]), real(a[1]));
+          return s.core.home->SetCommandPos(whole(a[0]), finite(a[1], 65580));
       }}},
     {"config.SetGearRatio",
      {3, 1555, [](Session& s, const List& a, List&) {
-          return s.core.config->SetGearRatio(whole(a[0]), real(a[1]), real(a[2]));
+          return s.core.config->SetGearRatio(whole(a[0]), finite(a[1], 1555), finite(a[2], 1555));
       }}},
     {"config.GetGearRatio",
      {1, 1555, [](Session& s, const List& a, List& out) {
