@@ -230,7 +230,7 @@ public:
         if (!late_) late_ = !changed_.wait_for(lock, PUBLISH_WAIT, [&] { return served_ >= mine; });
     }
 
-    // Stops the axes with the own device. Returns without it if that hangs.
+    // Stops the axes with the own device, or with another if that was lost. Returns without it if that hangs.
     void stop() {
         std::unique_lock lock(mutex_);
         stop_ = true;
@@ -256,7 +256,7 @@ public:
             if (closing_own) close_own();
             if (opening) open();
             if (stopping) {
-                if (own_) stop_axes(*own_);
+                stop_now();
                 std::lock_guard lock(mutex_);
                 stop_ = false;
             }
@@ -285,6 +285,7 @@ private:
     std::unique_ptr<page::Writer> writer_;
     page::Status status_;
     CoreMotionStatus theirs_;
+    bool lost_ = false;
     std::int64_t counter_ = -1, seen_ns_ = 0, good_ns_ = 0;
 
     // No device outlives this. With the lock.
@@ -323,10 +324,24 @@ private:
             ready_ = !code;
             own_id_ = id;
         }
-        if (!code) own_ = std::move(made);
+        if (!code) {
+            own_ = std::move(made);
+            lost_ = false;
+        }
         counter_ = -1;
         good_ns_ = now_ns();
         changed_.notify_all();
+    }
+
+    // If the lost engine has ended, the device starts another, which ends with it.
+    void stop_now() {
+        if (own_ || !lost_) {
+            if (own_) stop_axes(*own_);
+            return;
+        }
+        Session spare;
+        if (!spare.create(DeviceType::DeviceTypeNormal, DEVICE_MS)) stop_axes(spare);
+        spare.close();
     }
 
     void close_own() {
@@ -341,6 +356,7 @@ private:
             std::lock_guard lock(mutex_);
             if (ready_) forget();
         }
+        lost_ = true;
         Session* lost = own_.release();
         try {
             std::thread([lost] {

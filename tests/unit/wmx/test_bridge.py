@@ -432,21 +432,30 @@ def test_slow_or_hanging_status_holds_up_no_command(program: Path, milliseconds:
 
 
 def delay_status(harness: BridgeHarness, milliseconds: int) -> None:
-    """Delays the bridge's own reading of the status from here on; 0: it hangs."""
+    """Delays the bridge's own reading of the status from here on; 0: it hangs, -1: its device is lost."""
     (harness.engine.folder / "standin.status_ms").write_text(f"{milliseconds}", encoding="ascii")
 
 
-def test_sigterm_stops_the_axes_while_the_status_hangs(program: Path) -> None:
+@pytest.mark.parametrize(
+    ("milliseconds", "end"),
+    [(0, (1, "wmx_bridge: the engine does not answer\n")), (-1, (0, ""))],
+    ids=["hangs", "device lost"],
+)
+def test_end_stops_the_axes_without_the_bridges_own_device(
+    program: Path, milliseconds: int, end: tuple[int, str]
+) -> None:
     with bridged(program) as harness:
         engine = harness.ready()
         with harness.engine.raw_socket() as connection:
             assert ask(connection, "CreateDevice", 0)[0] == GOOD
             assert engine.core_motion.velocity.StartVel(vel(VEL, 100.0)) == GOOD
             wait_status(engine, cruising(VEL, 100.0), "motion")
-            delay_status(harness, 0)
-            harness.bridge.process.send_signal(signal.SIGHUP)
+            delay_status(harness, milliseconds)
+            if milliseconds < 0:
+                wait_for(lambda: engine.read_status()[0] == ErrorCode.DeviceIsNull, "the loss")
+            harness.bridge.process.send_signal(signal.SIGTERM)
             _, errors = harness.bridge.process.communicate(timeout=30.0)
-            assert (harness.bridge.process.returncode, errors) == (1, "wmx_bridge: the engine does not answer\n")
+            assert (harness.bridge.process.returncode, errors) == end
             assert not _moving(harness.engine.folder)
             assert engine_state(harness.engine.folder) is EngineState.Communicating
 
@@ -465,6 +474,14 @@ def test_engine_lives_on_after_a_creation_that_failed(program: Path) -> None:
         refusal.unlink()
         assert engine_state(harness.folder) is EngineState.Running
         assert ask(connection, "CreateDevice", 0)[0] == GOOD
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_other_signals_end_it_like_sigterm(program: Path, number: signal.Signals) -> None:
+    with bridged(program) as harness:
+        harness.bridge.process.send_signal(number)
+        assert harness.bridge.process.wait(30.0) == 0
+        assert not (harness.folder / SOCKET_FILE).exists()
 
 
 def test_second_bridge_in_the_same_folder_is_refused(harness: BridgeHarness, program: Path) -> None:

@@ -347,8 +347,9 @@ struct ToField {
 
 namespace {
 
-// For tests: while the engine's folder has this file, the bridge's own status takes its number of milliseconds; 0: hangs.
-void delay(const std::string& path) {
+// For tests: while the engine's folder has this file, the bridge's own status takes its number of milliseconds; 0: hangs, -1: the device
+// is lost.
+bool delay(const std::string& path) {
     int ms = -1;
     while (FILE* file = std::fopen(path.c_str(), "r")) {
         if (std::fscanf(file, "%d", &ms) != 1) ms = 0;
@@ -357,12 +358,13 @@ void delay(const std::string& path) {
         std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
     if (ms > 0) std::this_thread::sleep_for(std::chrono::milliseconds(ms));
+    return ms != -1 || access(path.c_str(), F_OK) != 0;
 }
 
 }  // namespace
 
 long CoreMotion::GetStatus(CoreMotionStatus* pStatus) {
-    if (wmx3Api->dev->delayed) delay(wmx3Api->dev->folder + "/standin.status_ms");
+    if (wmx3Api->dev->delayed && !delay(wmx3Api->dev->folder + "/standin.status_ms")) return records::their_code(NULL_DEVICE);
     std::optional<page::Status> status;
     if (int code = wmx3Api->dev->read(status)) return records::their_code(code);
     const page::Meta& meta = status->meta;
