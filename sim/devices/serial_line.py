@@ -45,6 +45,11 @@ class SerialLine:
             os.close(end)
         self._ends = None
 
+    @property
+    def ours(self) -> int | None:
+        """The device's end, to wait for bytes of the host; None while unplugged."""
+        return None if self._ends is None else self._ends[0]
+
     def send(self, data: bytes) -> None:
         """Sends bytes; a full or pulled line loses them, like a wire."""
         if self._ends is not None:

@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import contextlib
 import os
-import pty
 import select
 import threading
 import time
-import tty
 from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
+from sim.devices.serial_line import SerialLine
 from sim.ehmi.firmware import Display, Firmware
 from sim.ehmi.params import FirmwareParams
 
@@ -29,9 +28,8 @@ class DisplayLine:
 
     def __init__(self, params: FirmwareParams, link: Path) -> None:
         self._firmware = Firmware(params)
-        self._link = link
+        self._line = SerialLine(link)
         self._turn = threading.Lock()
-        self._ends: tuple[int, int] | None = None  # of the terminal: ours, the host's
         self._wake_read, self._wake_write = os.pipe()
         os.set_blocking(self._wake_read, False)
         self._closing = False
@@ -57,27 +55,13 @@ class DisplayLine:
     def plug(self) -> None:
         """Connects the cable: the terminal appears."""
         with self._turn:
-            if self._ends is not None:
-                return
-            ours, theirs = pty.openpty()
-            tty.setraw(theirs)
-            os.set_blocking(ours, False)
-            self._ends = ours, theirs
-            fresh = self._link.with_name(f".{self._link.name}.{os.getpid()}")
-            fresh.unlink(missing_ok=True)
-            fresh.symlink_to(os.ttyname(theirs))
-            fresh.replace(self._link)
+            self._line.plug()
         self._wake()
 
     def pull(self) -> None:
         """Disconnects the cable: a process with the open terminal gets a hang-up. The display keeps its power."""
         with self._turn:
-            if self._ends is None:
-                return
-            self._link.unlink(missing_ok=True)
-            for end in self._ends:
-                os.close(end)
-            self._ends = None
+            self._line.pull()
         self._wake()
 
     def close(self) -> None:
@@ -95,7 +79,7 @@ class DisplayLine:
             timeout_s = self._step()
             # The terminal is polled: a pull may close its descriptor during a blocking read.
             with self._turn:
-                ours = self._ends[0] if self._ends is not None else None
+                ours = self._line.ours
             readers = [self._wake_read, *([] if ours is None else [ours])]
             with contextlib.suppress(OSError):
                 select.select(readers, [], [], timeout_s)
@@ -106,12 +90,11 @@ class DisplayLine:
         """Transfers all available bytes; returns the time until the next step, s."""
         with self._turn:
             now_s = time.monotonic()
-            if self._ends is not None:
-                with contextlib.suppress(OSError):  # no data
-                    self._firmware.receive(os.read(self._ends[0], _CHUNK), now_s)
-            data = self._firmware.transmit(now_s)
-            if self._ends is not None and data:
-                with contextlib.suppress(OSError):  # no reader
-                    os.write(self._ends[0], data)
+            data = self._line.received()
+            if data:
+                self._firmware.receive(data, now_s)
+            answer = self._firmware.transmit(now_s)
+            if answer:
+                self._line.send(answer)
             due_s = self._firmware.next_due_s()
         return min(max(0.0, due_s - time.monotonic()), _LONGEST_WAIT_S)
