@@ -79,3 +79,17 @@ def test_one_touch_of_a_rider_starts_the_waiting_orders(page: Any, robot: StandI
     page.click("#release")
     wait_for(lambda: f"queue {RELEASE}" in robot.commands, f"the release, received {robot.commands}")
     page.wait_for_selector("[data-held]", state="detached")
+
+
+def test_a_rider_sees_a_hold_of_the_staff_and_cannot_end_it(page: Any) -> None:
+    unlock(page)
+    page.click('[data-nav="missions"]')
+    order(page, "site_ride")
+    until(page, "document.querySelectorAll('#queue [data-order]').length === 1")
+    page.click("#release")
+    page.wait_for_selector('#queue[data-held="NOTHING"]')
+    page.click("#hold")
+    page.wait_for_selector('#queue[data-held="STAFF"]')
+    page.click("#to-staff")
+    page.wait_for_selector('[data-page="destinations"] [data-held="STAFF"]')
+    assert page.query_selector("#release") is None
