@@ -43,7 +43,7 @@ _GROUPS = {
 _PUBLIC_PIN = "2468"  # of the simulation
 _GRAVITY_MPS2, _GRAVITY_TOLERANCE_MPS2 = 9.81, 0.5
 _LEVEL_DEG = 5.0  # mounting and ground together
-_HEAR_S = 5.0
+_RECEIVE_S = 5.0
 _WINDOW_S = 6.0  # six messages of the slowest row
 _START = "start the stack (robot-stack up --profile robot), then run this again"
 
@@ -232,9 +232,9 @@ def level() -> Iterator[Finding]:
     """The inertial unit's mounting, by gravity."""
     from robot_stack.contract import topics
 
-    message = _hear(topics.IMU)
-    if message is None:
-        yield _not_heard("inertial unit", topics.IMU)
+    message = _received("inertial unit", topics.IMU)
+    if isinstance(message, Finding):
+        yield message
         return
     a = message.linear_acceleration
     yield level_finding(a.x, a.y, a.z)
@@ -256,9 +256,9 @@ def level_finding(x: float, y: float, z: float) -> Finding:
 def display() -> Iterator[Finding]:
     from robot_stack.contract import topics
 
-    message = _hear(topics.EHMI_STATUS)
-    if message is None:
-        yield _not_heard("external display", topics.EHMI_STATUS)
+    message = _received("external display", topics.EHMI_STATUS)
+    if isinstance(message, Finding):
+        yield message
     elif not message.linked:
         yield Finding("external display", Level.BAD, "it does not answer", "power, cable, config/ehmi_bridge.yaml")
     elif message.firmware_fault:
@@ -277,7 +277,7 @@ def staff_pin() -> Iterator[Finding]:
     pin_hash = load(TouchUiParams, "touch_ui").access.pin_hash
     if not pin_hash:
         advice = "robot-stack pin, and enter the hash in config/touch_ui.yaml"
-        yield Finding("staff PIN", Level.BAD, "none is set: nobody can log in as staff", advice)
+        yield Finding("staff PIN", Level.BAD, "none is set: staff cannot log in", advice)
     elif verify_pin(pin_hash, _PUBLIC_PIN):
         yield Finding("staff PIN", Level.BAD, "it is the one of the simulation, which is public", "robot-stack pin")
     else:
@@ -367,24 +367,16 @@ def not_checked(check: str, plan: Plan | None) -> Finding:
     return Finding(check, Level.NOTE, "not checked: the stack does not run", _START)
 
 
-def _not_heard(check: str, row: Any) -> Finding:
+def _received(check: str, row: Any) -> Any:
+    """A message of the running robot, or the finding that there is none."""
+    from robot_stack.cli.nodes.operator import Operator
+
     plan = running_plan()
     if plan is None or plan.name not in _SAME_PROFILES:
         return not_checked(check, plan)
-    return Finding(
-        check, Level.BAD, f"no {row.name} in {_HEAR_S:.0f} s", "robot-stack status, and the log of its driver"
-    )
-
-
-def _hear(row: Any) -> Any:
-    """A message of the running robot; None without one in time."""
-    plan = running_plan()
-    if plan is None or plan.name not in _SAME_PROFILES:
-        return None
-    from robot_stack.cli.nodes.operator import Operator
-
-    heard: list[Any] = []
     with Operator() as operator:
-        operator.subscribe(row, heard.append)
-        operator.wait(lambda: heard, _HEAR_S)
-    return heard[-1] if heard else None
+        message = operator.receive(row, _RECEIVE_S)
+    if message is not None:
+        return message
+    advice = "robot-stack status, and the log of its driver"
+    return Finding(check, Level.BAD, f"no {row.name} in {_RECEIVE_S:.0f} s", advice)

@@ -1,9 +1,9 @@
-"""The states in messages whose field is a string: the documented values, each written once.
+"""The states in messages: the documented values, each written once.
 
-A state from the wire is a plain string and equals its member. An undocumented one equals none of them.
+A state from the wire is a plain string, or a number, and equals its member. An undocumented one equals none of them.
 """
 
-from enum import StrEnum
+from enum import IntEnum, StrEnum
 
 
 class DockingState(StrEnum):
@@ -28,6 +28,23 @@ class MissionState(StrEnum):
     COMPLETED = "COMPLETED"
     ABORTED = "ABORTED"
     FAILED = "FAILED"
+
+
+class HeldBy(IntEnum):
+    """``MissionQueue.held_by``: why no order starts until a person releases the queue."""
+
+    NOTHING = 0
+    RESTART = 1
+    STAFF = 2
+    EMERGENCY_STOP = 3
+    MISSION_ABORTED = 4
+    MISSION_FAILED = 5
+    PASSENGER = 6
+    MANUAL = 7
+    BATTERY_LOW = 8
+    JOURNAL = 9
+    LOCALIZATION_LOST = 10
+    DOCKED = 11
 
 
 # The robot moves by the measured pose of a dock.

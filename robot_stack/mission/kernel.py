@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from enum import Enum
 
-from robot_stack.contract.states import DOCKING, DockingState
+from robot_stack.contract.states import DOCKING, DockingState, HeldBy
 from robot_stack.core.departure import SETTING_OUT, Departure, DepartureParams
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.goals import NAVIGATION, NavigationGoals
@@ -35,7 +35,6 @@ from robot_stack.mission.events import (
 from robot_stack.mission.guards import finite
 from robot_stack.mission.leg import Leg
 from robot_stack.mission.orders import (
-    HeldBy,
     Hold,
     Operation,
     Order,
@@ -71,9 +70,9 @@ _EMERGENCY = "emergency stop is active: release it and reset the safety monitor 
 
 
 class _Asker(Enum):
-    """Who waits for the outcome of an event: if it cannot be journaled, it is undone."""
+    """The source of a change that is undone if it cannot be journaled."""
 
-    NOBODY = 0
+    NONE = 0
     COMMAND = 1
     EDIT = 2  # of the queue
     ORDER = 3  # the start of the next order
@@ -117,7 +116,7 @@ class MissionKernel:
         self._unsaved = self._was_unsaved = False
         self._since_retry_s = 0.0
         self._answer = status.Answer()
-        self._asker = _Asker.NOBODY
+        self._asker = _Asker.NONE
         self._hold = Hold()
         self._ended_s = 0.0  # since the last mission ended
         self._rested_s = 0.0  # since then, without anything else that moves the robot or keeps it
@@ -149,7 +148,7 @@ class MissionKernel:
         dt_s = self._elapsed(now_s)
         self._departure.elapse(inputs.twist, dt_s)
         if not isinstance(event, ev.JournalFailed):
-            commanded = _Asker.COMMAND if isinstance(event, ev.Command) else _Asker.NOBODY
+            commanded = _Asker.COMMAND if isinstance(event, ev.Command) else _Asker.NONE
             self._asker = _Asker.EDIT if isinstance(event, EditQueue) else commanded
         effects = self._react(event, inputs, dt_s)
         forced = isinstance(event, (ev.Command, ev.JournalFailed))
@@ -426,7 +425,7 @@ class MissionKernel:
             self._hold.hold(HeldBy.DOCKED)
         # The plan of the mission that has just ended may still be there.
         if self._ended_s > self._params.goal_retry_s and (inputs.planned or inputs.docking_state in DOCKING):
-            self._hold.hold(HeldBy.MANUAL, "somebody else drives or docks the robot")
+            self._hold.hold(HeldBy.MANUAL, "another client drives or docks the robot")
 
     def _docked(self, inputs: Inputs) -> str:
         """Why the robot may not drive off by itself: it is at a station, or at a chair that is not latched."""
@@ -482,14 +481,15 @@ class MissionKernel:
     def _journal_failed(self, problem: str) -> tuple[Effect, ...]:
         why = f"the journal cannot be written: {problem}"
         self._reported_queue = None  # the report was dropped with the effects after the save
-        if self._asker is _Asker.EDIT or (self._asker is not _Asker.NOBODY and self._moves_or_queues()):
+        if self._asker is _Asker.EDIT or (self._asker is not _Asker.NONE and self._moves_or_queues()):
             # Nothing has moved yet, because saving came first: the request is undone.
             if self._before.mission is not self._record.mission:  # its goal was cancelled in the kernel's view only
                 self._leg = self._leg_before
                 self._leg.goal_due = self._before.state is State.RUNNING
             self._record = replace(self._before, passenger_attached=self._record.passenger_attached)
             self._unsaved = self._was_unsaved
-            self._journal_problem = why if self._unsaved else self._journal_problem
+            if self._unsaved:
+                self._journal_problem = why
             return self._undone(why)
         effects: tuple[Effect, ...] = ()
         if self._record.state in UNDER_WAY:

@@ -5,10 +5,10 @@ Times in s of the node's clock (Unix time on a robot), because an order's earlie
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from enum import IntEnum, StrEnum
 
+from robot_stack.contract.states import HeldBy
 from robot_stack.core.mission import Mission
 
 # As in custom_msgs/MissionQueue. A mission is journaled with its order, so that the number of orders is limited.
@@ -20,7 +20,6 @@ MAX_UI_COMMANDS = 5
 _LATEST_S = 2.0**31 - 1.0
 MAX_ID_LENGTH = 64
 NORMAL_PRIORITY = 100
-HIGHEST_PRIORITY = 255
 
 
 class Origin(StrEnum):
@@ -41,23 +40,6 @@ class OrderState(IntEnum):
     ABORTED = 3
     FAILED = 4
     REMOVED = 5
-
-
-class HeldBy(IntEnum):
-    """``MissionQueue.held_by``: why no order starts until a person releases the queue."""
-
-    NOTHING = 0
-    RESTART = 1
-    STAFF = 2
-    EMERGENCY_STOP = 3
-    MISSION_ABORTED = 4
-    MISSION_FAILED = 5
-    PASSENGER = 6
-    MANUAL = 7
-    BATTERY_LOW = 8
-    JOURNAL = 9
-    LOCALIZATION_LOST = 10
-    DOCKED = 11
 
 
 class Operation(IntEnum):
@@ -202,8 +184,7 @@ def _newest(orders: tuple[Order, ...]) -> tuple[Order, ...]:
 
 def problem_of_queue(queue: OrderQueue, active: bool) -> str:
     """Why a queue from the journal is invalid, empty if it is valid. active: a mission is under way."""
-    waiting: Iterable[Order] = queue.orders
-    if any(order.mission is None or order.mission.id != order.mission_id for order in waiting):
+    if any(order.mission is None or order.mission.id != order.mission_id for order in queue.orders):
         return "an order without its mission"
     if queue.current is not None and not active:
         return f"order {queue.current.id!r} under way without a mission"

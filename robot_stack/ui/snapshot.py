@@ -56,7 +56,7 @@ class Order:
 
 @dataclass(frozen=True, slots=True)
 class Queue:
-    """As in /mission/queue. held_by: name of a constant of MissionQueue; current: the order under way."""
+    """As in /mission/queue. held_by: name of a member of ``HeldBy``; current: the order under way."""
 
     held_by: str
     reason: str

@@ -7,7 +7,7 @@ from typing import Any
 
 from robot_stack.contract.faults import BY_CODE
 from robot_stack.contract.model import SafetyState
-from robot_stack.contract.states import ACTIVE, MissionState
+from robot_stack.contract.states import ACTIVE, HeldBy, MissionState
 from robot_stack.ui.snapshot import Docking, Limit, Order, Queue, Ride, Safety, Snapshot
 
 Section = dict[str, Any]
@@ -166,7 +166,7 @@ def _ride(ride: Ride | None) -> Section:
 
 def _queue(queue: Queue | None) -> Section:
     if queue is None:
-        return {"known": False, "held_by": "NOTHING", "reason": "", "orders": [], "current": None}
+        return {"known": False, "held_by": HeldBy.NOTHING.name, "reason": "", "orders": [], "current": None}
     return {
         "known": True,
         "held_by": queue.held_by,

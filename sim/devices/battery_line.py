@@ -18,7 +18,7 @@ class BatteryLine:
 
     def send(self, reading: BatteryReading) -> None:
         """The frames of one second."""
-        self._line.send(self._adapter.heard(self._line.received()))
+        self._line.send(self._adapter.answer_to(self._line.received()))
         self._adapter.sent.clear()
         battery = Battery(
             voltage_v=reading.voltage_v,

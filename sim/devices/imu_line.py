@@ -18,7 +18,7 @@ class ImuLine:
 
     def send(self, sample: ImuSample) -> None:
         """Waits until the host has read the sample before; one that does not read has to open the line again."""
-        answer = self._unit.heard(self._line.received())
+        answer = self._unit.answer_to(self._line.received())
         if answer or not self._unit.measuring:
             self._line.send(answer)
             return

@@ -46,7 +46,7 @@ class SlcanAdapter:
         self.sent: list[Frame] = []  # by the host onto the bus
         self._rest = b""
 
-    def heard(self, data: bytes) -> bytes:
+    def answer_to(self, data: bytes) -> bytes:
         """Its answer to the host's data."""
         *lines, self._rest = (self._rest + data).split(b"\r")
         return b"".join(map(self._obey, lines))

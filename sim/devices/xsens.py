@@ -26,7 +26,7 @@ class Mti:
         self._step, self._ticks, self._counter = _TICKS_PER_S // rate_hz, ticks, 0
         self.measuring = False
 
-    def heard(self, data: bytes) -> bytes:
+    def answer_to(self, data: bytes) -> bytes:
         """Its answer to the host's data."""
         if bytes([_PREAMBLE, _BUS, _GO_TO_MEASUREMENT, 0]) not in data:
             return b""

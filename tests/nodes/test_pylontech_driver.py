@@ -46,7 +46,7 @@ class Bus:
     def _run(self) -> None:
         while not self._ended.wait(PERIOD_S):
             with self._turn:
-                self.line.send(self.adapter.heard(self.line.received()))
+                self.line.send(self.adapter.answer_to(self.line.received()))
                 for frame in self.battery.frames():
                     if frame[0] not in self.silent:
                         self.line.send(self.adapter.from_bus(frame))

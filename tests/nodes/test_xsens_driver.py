@@ -47,7 +47,7 @@ class Device:
         while not self._ended.wait(max(0.0, due_s - time.monotonic())):
             due_s += PERIOD_S
             with self._turn:
-                self.line.send(self.unit.heard(self.line.received()))
+                self.line.send(self.unit.answer_to(self.line.received()))
                 sample = self.unit.sample(MOTION)
                 if self.unit.measuring and self.send:
                     self.line.send(self.extra + sample)

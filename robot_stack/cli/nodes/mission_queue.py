@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 from custom_msgs.msg import MissionOrder
 from custom_msgs.srv import EditMissionQueue
@@ -39,12 +38,10 @@ class Queue:
 
 def read_queue(timeout_s: float) -> Queue:
     """Raises TimeoutError without a mission manager."""
-    received: list[Any] = []
     with Operator() as operator:
-        operator.subscribe(topics.MISSION_QUEUE, received.append)
-        if not operator.wait(lambda: received, timeout_s):
-            raise TimeoutError("no /mission/queue: is the stack running?")
-    message = received[-1]
+        message = operator.receive(topics.MISSION_QUEUE, timeout_s)
+    if message is None:
+        raise TimeoutError("no /mission/queue: is the stack running?")
     return Queue(message.reason, tuple(_shown(order) for order in (*message.current, *message.orders)))
 
 

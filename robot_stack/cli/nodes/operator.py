@@ -47,6 +47,12 @@ class Operator:
     def subscribe(self, row: Topic, callback: Callable[[Any], None]) -> None:
         self.node.create_subscription(interface_class(row.type), row.name, callback, qos_profile(row.qos))
 
+    def receive(self, row: Topic, timeout_s: float) -> Any:
+        """The newest message of a row once there is one; None without one in time."""
+        received: list[Any] = []
+        self.subscribe(row, received.append)
+        return received[-1] if self.wait(lambda: received, timeout_s) else None
+
     def wait(self, condition: Callable[[], Any], timeout_s: float | None) -> bool:
         """Runs callbacks until the condition holds (True) or the timeout expires (False); None waits forever."""
         end_s = float("inf") if timeout_s is None else time.monotonic() + timeout_s

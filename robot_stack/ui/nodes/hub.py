@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
+from robot_stack.contract.states import HeldBy
 from robot_stack.core.geometry import Twist2
 from robot_stack.ui import protocol as p
 from robot_stack.ui.access import Access, Role
@@ -113,7 +114,7 @@ class Hub:
             page.refused += 1
             self._say(page, {"t": "refused", "why": str(refused)})
             return page.refused < REFUSED_MAX
-        held_by_staff = self._sections.get("queue", {}).get("held_by") == "STAFF"
+        held_by_staff = self._sections.get("queue", {}).get("held_by") == HeldBy.STAFF.name
         ruling = self._desk.take(page.number, message, now_s, held_by_staff=held_by_staff)
         if ruling.audit:
             self._audit(page, ruling.audit, ruling.why or "ok")

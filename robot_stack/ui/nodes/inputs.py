@@ -9,11 +9,11 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from visualization_msgs.msg import Marker as MarkerMessage
 
-from custom_msgs.msg import EmergencyStopSource, MissionQueue
+from custom_msgs.msg import EmergencyStopSource
 from robot_stack.contract import topics
 from robot_stack.contract.faults import split_codes
 from robot_stack.contract.model import SafetyState, System, Topic
-from robot_stack.contract.states import ACTIVE
+from robot_stack.contract.states import ACTIVE, HeldBy
 from robot_stack.core.geometry import Pose2
 from robot_stack.middleware.conversions import pose_from_msg, time_to_s
 from robot_stack.middleware.inputs import Input
@@ -196,29 +196,12 @@ def _ride(m: Any) -> Ride | None:
     )
 
 
-# Names of the constants of MissionQueue.held_by, by their numbers.
-_HELD_BY = (
-    "NOTHING",
-    "RESTART",
-    "STAFF",
-    "EMERGENCY_STOP",
-    "MISSION_ABORTED",
-    "MISSION_FAILED",
-    "PASSENGER",
-    "MANUAL",
-    "BATTERY_LOW",
-    "JOURNAL",
-    "LOCALIZATION_LOST",
-    "DOCKED",
-)
-
-
 def _queue(m: Any) -> Queue | None:
     if m is None:
         return None
-    held_by = next((name for name in _HELD_BY if getattr(MissionQueue, name) == m.held_by), "STAFF")
+    held_by = HeldBy(m.held_by) if m.held_by in set(HeldBy) else HeldBy.STAFF
     current = _order(m.current[0]) if m.current else None
-    return Queue(held_by, m.reason, tuple(_order(item) for item in m.orders), current)
+    return Queue(held_by.name, m.reason, tuple(_order(item) for item in m.orders), current)
 
 
 def _order(m: Any) -> Order:

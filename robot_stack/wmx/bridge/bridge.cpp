@@ -54,12 +54,6 @@ using wire::Value;
 
 namespace {
 
-// The port's numbers of the codes that the bridge makes itself.
-constexpr int API_CHANNEL_ERROR = 269, API_CHANNEL_TIMEOUT = 270, CLOSE_LOCK = 298, DEVICE_IS_NULL = 301, NO_SUPPORTED_FUNCTION = 304,
-              NOT_STARTED_IN_TIME = 1283, COMM_NOT_STARTED_IN_TIME = 1285, COMM_NOT_STOPPED_IN_TIME = 1286, ARGUMENT_RANGE = 1555,
-              AXIS_RANGE = 1547, RESOURCE_IN_USE = 1561, FILE_FAILED = 1562, PARSE_FAILED = 65542, SETTINGS_INVALID = 65536, TIME_RANGE = 65592,
-              POSITION_RANGE = 65580, VELOCITY_RANGE = 65581, ACC_RANGE = 65582, DEC_RANGE = 65583, STARTING_VELOCITY_RANGE = 65588,
-              END_VELOCITY_RANGE = 65589, RUN_TIME_RANGE = 65591, POINTS_TOO_CLOSE = 94222, DIMENSION_RANGE = 94224;
 
 constexpr std::int64_t MS = 1'000'000;
 constexpr std::int64_t LOST_NS = 2000 * MS;      // without a new status while the bus runs or calls fail, the engine is lost
@@ -109,7 +103,7 @@ struct Session {
         int code = 0;
         for (int attempt = 0; attempt < CLOSE_TRIES; ++attempt) {
             code = records::our_code(api.CloseDevice());
-            if (code != CLOSE_LOCK) break;
+            if (code != codes::CloseDeviceLockError) break;
             std::this_thread::sleep_for(CLOSE_PAUSE);
         }
         return code;
@@ -179,7 +173,7 @@ public:
         if (!ready_) {
             grace_ns_ = now_ns() + GRACE_NS;
             wanted_ = true;
-            failure_ = NOT_STARTED_IN_TIME;
+            failure_ = codes::EngineNotStartedInSpecifiedTime;
             asking_.notify_all();
             changed_.wait_for(lock, CREATION_WAIT, [this] { return ready_ || !wanted_; });
             if (!ready_) return failure_;
@@ -300,7 +294,7 @@ private:
     // The first device starts the engine, which takes seconds: in another thread, so that the page stays fresh.
     void open() {
         auto made = std::make_unique<Session>();
-        int code = NOT_STARTED_IN_TIME;
+        int code = codes::EngineNotStartedInSpecifiedTime;
         std::atomic<bool> done = false;
         try {
             std::thread creation([&] {
@@ -399,7 +393,7 @@ private:
         std::int64_t now = now_ns();
         if (own_) {
             int code = records::our_code(own_->core.GetStatus(&theirs_));
-            if (code == DEVICE_IS_NULL || (code && now - good_ns_ > LOST_NS)) return lose();
+            if (code == codes::DeviceIsNull || (code && now - good_ns_ > LOST_NS)) return lose();
             if (code) return;  // the page ages until it is refused
             read(now);
             if (now - seen_ns_ > LOST_NS) return lose();
@@ -455,7 +449,7 @@ struct Request {
 
 // The status has no others, and they are not stopped when the bridge ends.
 int checked_axis(int axis) {
-    if (axis < 0 || static_cast<std::size_t>(axis) >= options.axes) throw Refused{AXIS_RANGE};
+    if (axis < 0 || static_cast<std::size_t>(axis) >= options.axes) throw Refused{codes::AxisOutOfRange};
     return axis;
 }
 
@@ -471,15 +465,15 @@ template <class C>
 void check(const C& command) {
     checked_axis(command.axis);
     const Profile& profile = command.profile;
-    checked(profile.startingVelocity, STARTING_VELOCITY_RANGE);
-    checked(profile.endVelocity, END_VELOCITY_RANGE);
-    checked(profile.velocity, VELOCITY_RANGE);
-    checked(profile.acc, ACC_RANGE);
-    checked(profile.dec, DEC_RANGE);
-    checked(profile.accTimeMilliseconds, TIME_RANGE);
-    checked(profile.decTimeMilliseconds, TIME_RANGE);
-    if constexpr (requires { command.target; }) checked(command.target, POSITION_RANGE);
-    if constexpr (requires { command.runTimeMilliseconds; }) checked(command.runTimeMilliseconds, RUN_TIME_RANGE);
+    checked(profile.startingVelocity, codes::StartingVelocityArgumentOutOfRange);
+    checked(profile.endVelocity, codes::EndVelocityArgumentOutOfRange);
+    checked(profile.velocity, codes::VelocityArgumentOutOfRange);
+    checked(profile.acc, codes::AccArgumentOutOfRange);
+    checked(profile.dec, codes::DecArgumentOutOfRange);
+    checked(profile.accTimeMilliseconds, codes::TimeArgumentOutOfRange);
+    checked(profile.decTimeMilliseconds, codes::TimeArgumentOutOfRange);
+    if constexpr (requires { command.target; }) checked(command.target, codes::PositionArgumentOutOfRange);
+    if constexpr (requires { command.runTimeMilliseconds; }) checked(command.runTimeMilliseconds, codes::RunTimeArgumentOutOfRange);
 }
 
 // A parameter block.
@@ -487,7 +481,7 @@ struct CheckBlock {
     template <class F>
     void operator()(const F& field) {
         if constexpr (std::is_same_v<F, double>)
-            checked(field, SETTINGS_INVALID);
+            checked(field, codes::ParameterSettingsInvalid);
         else if constexpr (std::is_array_v<F>)
             for (std::size_t axis = 0; axis < options.axes; ++axis) (*this)(field[axis]);
     }
@@ -626,27 +620,27 @@ private:
     Answer execute(const List& message, const wire::Decoder& decoder) {
         auto method = message[1].as<std::string>();
         List arguments(message.begin() + 2, message.end());
-        if (!method) return {NO_SUPPORTED_FUNCTION, {}};
+        if (!method) return {codes::NoSupportedFunction, {}};
         if (session_ && session_->epoch != engine->epoch()) drop();
         auto own = OWN.find(*method);
         auto request = REQUESTS.find(*method);
-        if (own == OWN.end() && request == REQUESTS.end()) return {NO_SUPPORTED_FUNCTION, {}};
-        if (arguments.size() != (own == OWN.end() ? request->second.arity : own->second.arity)) return {ARGUMENT_RANGE, {}};
-        if (ending) return {API_CHANNEL_ERROR, {}};
-        if (!session_ && *method != "CreateDevice") return {DEVICE_IS_NULL, {}};
-        if (moves(*method, arguments) && given_up(decoder)) return {API_CHANNEL_TIMEOUT, {}};
+        if (own == OWN.end() && request == REQUESTS.end()) return {codes::NoSupportedFunction, {}};
+        if (arguments.size() != (own == OWN.end() ? request->second.arity : own->second.arity)) return {codes::ArgumentOutOfRange, {}};
+        if (ending) return {codes::APIChannelError, {}};
+        if (!session_ && *method != "CreateDevice") return {codes::DeviceIsNull, {}};
+        if (moves(*method, arguments) && given_up(decoder)) return {codes::APIChannelTimeOut, {}};
         Answer answer;
         try {
             if (own != OWN.end()) return (this->*own->second.run)(arguments);
             answer.code = records::our_code(request->second.run(*session_, arguments, answer.values));
         } catch (const BadArgument&) {
-            answer = {ARGUMENT_RANGE, {}};
+            answer = {codes::ArgumentOutOfRange, {}};
         } catch (const Refused& refused) {
             answer = {refused.code, {}};
         } catch (const Unfit&) {
-            answer = {own != OWN.end() ? ARGUMENT_RANGE : request->second.unfit, {}};
+            answer = {own != OWN.end() ? codes::ArgumentOutOfRange : request->second.unfit, {}};
         }
-        if (answer.code == DEVICE_IS_NULL) drop();
+        if (answer.code == codes::DeviceIsNull) drop();
         engine->publish();
         return answer;
     }
@@ -661,9 +655,9 @@ private:
     static const std::unordered_set<std::string_view> MOVING;
 
     Answer create(const List& arguments) {
-        if (session_) return {RESOURCE_IN_USE, {}};
+        if (session_) return {codes::ResourceInUse, {}};
         int type = whole(arguments[0]);
-        if (type < 0 || type > 3) return {ARGUMENT_RANGE, {}};
+        if (type < 0 || type > 3) return {codes::ArgumentOutOfRange, {}};
         DeviceType::T kind = named<DeviceType::T>(arguments[0]);
         std::int64_t epoch = 0;
         if (int code = engine->hold(epoch)) return {code, {}};
@@ -681,7 +675,7 @@ private:
 
     Answer close_device(const List&) {
         int code = session_->close();
-        if (code != CLOSE_LOCK) {
+        if (code != codes::CloseDeviceLockError) {
             std::int64_t epoch = session_->epoch;
             session_.reset();
             engine->release(epoch);
@@ -703,19 +697,19 @@ private:
     Answer start_communication(const List&) {
         int code = records::our_code(session_->api.StartCommunication(0));
         engine->publish();
-        return {code == COMM_NOT_STARTED_IN_TIME ? 0 : code, {}};
+        return {code == codes::CommNotStartedInSpecifiedTime ? 0 : code, {}};
     }
 
     Answer stop_communication(const List& arguments) {
         unsigned wait_ms = natural(arguments[0]);
         int code = records::our_code(session_->api.StopCommunication(wait_ms));
         engine->publish();
-        return {code == COMM_NOT_STOPPED_IN_TIME && !wait_ms ? 0 : code, {}};
+        return {code == codes::CommNotStoppedInSpecifiedTime && !wait_ms ? 0 : code, {}};
     }
 
     Answer set_name(const List& arguments) {
         std::string name = records::text(arguments[0]);
-        if (name.size() >= NAME_LENGTH || name.find('\0') != name.npos) return {ARGUMENT_RANGE, {}};
+        if (name.size() >= NAME_LENGTH || name.find('\0') != name.npos) return {codes::ArgumentOutOfRange, {}};
         return {records::our_code(session_->api.SetDeviceName(name.data())), {}};
     }
 
@@ -744,7 +738,7 @@ private:
     }
 
     Answer scan_network(const List& arguments) {
-        if (whole(arguments[0])) return {ARGUMENT_RANGE, {}};
+        if (whole(arguments[0])) return {codes::ArgumentOutOfRange, {}};
         return {records::our_code(scan(session_->ecat)), {}};
     }
 
@@ -763,7 +757,7 @@ private:
         const List& axes = records::list(arguments[1], tables::MAX_AXES);
         std::vector<std::vector<double>> of_axes;
         for (auto& one : axes) of_axes.push_back(numbers(one, std::size(tables::AXIS_ENTRIES)));
-        if (of_axes.size() != options.axes) return {SETTINGS_INVALID, {}};
+        if (of_axes.size() != options.axes) return {codes::ParameterSettingsInvalid, {}};
         std::string path = temporary();
         Answer answer = with_file([&] {
             long code = session_->core.config->GetAndExportAll(path.data());
@@ -804,9 +798,9 @@ private:
         try {
             return {work(), {}};
         } catch (const parameter_file::ParseError&) {
-            return {PARSE_FAILED, {}};
+            return {codes::ParameterFileParseError, {}};
         } catch (const std::runtime_error&) {
-            return {FILE_FAILED, {}};
+            return {codes::FileOperationFailed, {}};
         }
     }
 
@@ -814,7 +808,7 @@ private:
 
     static std::vector<double> numbers(const Value& value, std::size_t count) {
         std::vector<double> made;
-        for (auto& one : records::list(value, count)) made.push_back(finite(one, SETTINGS_INVALID));
+        for (auto& one : records::list(value, count)) made.push_back(finite(one, codes::ParameterSettingsInvalid));
         if (made.size() != count) throw BadArgument{};
         return made;
     }
@@ -822,11 +816,11 @@ private:
     Answer start_spline(const List& arguments) {
         const List& axes = records::list(arguments[1], tables::MAX_AXES);
         auto positions = wire::unpack(records::text(arguments[2])), times = wire::unpack(records::text(arguments[3]));
-        if (!positions || !times || positions->size() != times->size() * axes.size()) return {ARGUMENT_RANGE, {}};
-        for (double one : *positions) checked(one, POSITION_RANGE);
-        for (double one : *times) checked(one, TIME_RANGE);
+        if (!positions || !times || positions->size() != times->size() * axes.size()) return {codes::ArgumentOutOfRange, {}};
+        for (double one : *positions) checked(one, codes::PositionArgumentOutOfRange);
+        for (double one : *times) checked(one, codes::TimeArgumentOutOfRange);
         AdvMotion::PointTimeSplineCommand command;
-        if (axes.size() > std::size(command.axis)) return {DIMENSION_RANGE, {}};
+        if (axes.size() > std::size(command.axis)) return {codes::DimensionOutOfRange, {}};
         command.dimensionCount = static_cast<unsigned>(axes.size());
         for (std::size_t dimension = 0; dimension < axes.size(); ++dimension) command.axis[dimension] = checked_axis(whole(axes[dimension]));
         std::vector<AdvMotion::SplinePoint> points(times->size() + 1);
@@ -849,8 +843,8 @@ private:
             std::vector<unsigned> rounded;
             for (std::size_t index = 0; index < count; ++index) {
                 double time = std::nearbyint(times[index]);
-                if (!(time >= 0.0 && time < 4294967296.0)) return TIME_RANGE;
-                if (!rounded.empty() && time <= rounded.back()) return POINTS_TOO_CLOSE;
+                if (!(time >= 0.0 && time < 4294967296.0)) return codes::TimeArgumentOutOfRange;
+                if (!rounded.empty() && time <= rounded.back()) return codes::TimeBetweenPointsTooClose;
                 rounded.push_back(static_cast<unsigned>(time));
             }
             rounded.push_back(0);

@@ -70,8 +70,10 @@ def _enums() -> list[type[IntEnum]]:
 
 
 def constants() -> str:
-    """tables.hpp: numbers of the protocol, and the entries of a parameter file. It needs no header of the vendor."""
-    lines = _header("Numbers of the protocol, and the entries of a parameter file with the vendor's defaults.")
+    """tables.hpp: numbers of the protocol, codes, and the entries of a parameter file. It needs no vendor's header."""
+    lines = _header(
+        "Numbers of the protocol, the codes, and the entries of a parameter file with the vendor's defaults."
+    )
     lines += ["#pragma once", "", "#include <cstddef>", "#include <cstdint>", "", "namespace tables {", ""]
     lines += [f"constexpr std::size_t N_REALS = {N_REALS}, N_FLAGS = {N_FLAGS}, MAX_AXES = {MAX_AXES};"]
     lines += [f"constexpr std::int64_t MAGIC = {MAGIC}, LAYOUT = {LAYOUT};"]
@@ -85,7 +87,9 @@ def constants() -> str:
         lines += [f"inline constexpr Entry {name}[] = {{"]
         lines += [f'    {{"{path}", {float(n)!r}, {_truth(isinstance(n, int))}}},' for path, n in entries.items()]
         lines += ["};", ""]
-    return "\n".join([*lines, "}  // namespace tables", ""])
+    lines += ["}  // namespace tables", "", "// The port's numbers of the codes.", "namespace codes {", ""]
+    lines += [f"constexpr int {_entry(one.name)} = {int(one)};" for kind in ERROR_ENUMS for one in kind]
+    return "\n".join([*lines, "", "}  // namespace codes", ""])
 
 
 def _truth(value: bool) -> str:

@@ -13,9 +13,10 @@
 #include <variant>
 #include <vector>
 
+#include "generated/tables.hpp"
+
 namespace wire {
 
-constexpr std::size_t LARGEST_FRAME = 256 * 1024;
 constexpr std::size_t LENGTH_BYTES = 4;
 constexpr int DEEPEST = 32;
 
@@ -272,7 +273,7 @@ inline std::string frame(const List& message) {
     std::string out(LENGTH_BYTES, '\0');
     write(out, message);
     std::size_t length = out.size() - LENGTH_BYTES;
-    if (length > LARGEST_FRAME) throw FrameError("the frame is too long");
+    if (length > tables::LARGEST_FRAME) throw FrameError("the frame is too long");
     for (std::size_t byte = 0; byte < LENGTH_BYTES; ++byte) out[byte] = static_cast<char>(length >> 8 * byte);
     return out;
 }
@@ -291,7 +292,7 @@ public:
         std::size_t length = 0;
         for (std::size_t byte = 0; byte < LENGTH_BYTES; ++byte)
             length |= std::size_t{static_cast<unsigned char>(buffer_[byte])} << 8 * byte;
-        if (!length || length > LARGEST_FRAME) throw FrameError("the length of a frame is out of range");
+        if (!length || length > tables::LARGEST_FRAME) throw FrameError("the length of a frame is out of range");
         if (buffer_.size() < LENGTH_BYTES + length) return {};
         std::string body = buffer_.substr(LENGTH_BYTES, length);
         buffer_.erase(0, LENGTH_BYTES + length);

@@ -6,11 +6,12 @@ import pytest
 
 from custom_msgs.msg import MissionOrder, MissionQueue
 from custom_msgs.srv import EditMissionQueue
+from robot_stack.contract.states import HeldBy
 from robot_stack.core.config import load
 from robot_stack.core.mission_library import MissionError
 from robot_stack.core.safe_places import SafePlace
 from robot_stack.mission import events as ev
-from robot_stack.mission.orders import MAX_ENDED, MAX_ORDERS, HeldBy, Operation, Order, OrderState, Origin
+from robot_stack.mission.orders import MAX_ENDED, MAX_ORDERS, Operation, Order, OrderState, Origin
 from robot_stack.mission.states import State
 from robot_stack.navigation.params import NavigationParams
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robot_stack.contract.states import HeldBy
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.goals import GoalStatus, NavigationEnded, NavigationFeedback, SendGoal
 from robot_stack.core.mission import Kind
 from robot_stack.core.safe_places import SafePlace
 from robot_stack.mission import events as ev
-from robot_stack.mission.orders import HeldBy, Operation, Order, Origin
+from robot_stack.mission.orders import Operation, Order, Origin
 from robot_stack.mission.record import problem_of
 from robot_stack.mission.states import ACTIVE, AT_DOCK, UNDER_WAY, State, Trigger, target_of
 

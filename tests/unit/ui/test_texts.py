@@ -10,11 +10,12 @@ from typing import get_args
 import pytest
 
 from robot_stack.contract.faults import FAULTS
+from robot_stack.contract.states import HeldBy
 from robot_stack.core import mission
 from robot_stack.core.display_patterns import load_patterns
 from robot_stack.core.kept_events import EventState
 from robot_stack.core.stop_presence import Presence
-from robot_stack.mission.orders import HeldBy, Origin
+from robot_stack.mission.orders import Origin
 from robot_stack.recording import black_box
 from robot_stack.ui import desk, self_test, view
 from robot_stack.ui.nodes import hub, mission_files, operator_requests

@@ -1,4 +1,4 @@
-// Numbers of the protocol, and the entries of a parameter file with the vendor's defaults.
+// Numbers of the protocol, the codes, and the entries of a parameter file with the vendor's defaults.
 // Written by robot_stack/wmx/bridge/generate.py. Do not edit.
 
 #pragma once
@@ -197,3 +197,109 @@ inline constexpr Entry AXIS_ENTRIES[] = {
 };
 
 }  // namespace tables
+
+// The port's numbers of the codes.
+namespace codes {
+
+constexpr int None = 0;
+constexpr int StartProcessFailed = 256;
+constexpr int StartProcessLockError = 259;
+constexpr int StartProcessWaitTimeout = 261;
+constexpr int MemoryAllocFailed = 262;
+constexpr int IMLibIsNotRunning = 263;
+constexpr int APIChannelError = 269;
+constexpr int APIChannelTimeOut = 270;
+constexpr int StatusChannelError = 271;
+constexpr int CloseDeviceTimeOut = 276;
+constexpr int ReachMaxChannelNumber = 278;
+constexpr int CloseDeviceFailed = 281;
+constexpr int StatusChannelNull = 282;
+constexpr int CreateDeviceLockError = 297;
+constexpr int CloseDeviceLockError = 298;
+constexpr int SetDeviceNameTimeout = 299;
+constexpr int DeviceIsNull = 301;
+constexpr int NoSupportedFunction = 304;
+constexpr int CommandQueueIsFull = 307;
+constexpr int IMLibInvalidParam = 318;
+constexpr int SystemError = 1280;
+constexpr int SystemIsNoRunning = 1281;
+constexpr int SystemInitializationNotDone = 1282;
+constexpr int EngineNotStartedInSpecifiedTime = 1283;
+constexpr int EngineNotStoppedInSpecifiedTime = 1284;
+constexpr int CommNotStartedInSpecifiedTime = 1285;
+constexpr int CommNotStoppedInSpecifiedTime = 1286;
+constexpr int StartCommunicationError = 1288;
+constexpr int DeviceIsNotInUse = 1289;
+constexpr int CommNotStarted = 1537;
+constexpr int CommNotStopped = 1538;
+constexpr int NotIdleState = 1546;
+constexpr int AxisOutOfRange = 1547;
+constexpr int AxisCountOutOfRange = 1548;
+constexpr int DuplicateAxis = 1549;
+constexpr int IOAddressOutOfRange = 1550;
+constexpr int IOSizeOutOfRange = 1551;
+constexpr int ChannelOutOfRange = 1552;
+constexpr int ArgumentOutOfRange = 1555;
+constexpr int ArgumentIsNull = 1556;
+constexpr int ParamOutOfRange = 1558;
+constexpr int ResourceInUse = 1561;
+constexpr int FileOperationFailed = 1562;
+constexpr int StartingPreviousCommand = 1563;
+constexpr int NoMotion = 1565;
+constexpr int ServoOffline = 1566;
+constexpr int ServoOff = 1567;
+constexpr int AxisAmpAlarm = 1568;
+constexpr int AxisSoftLimit = 1569;
+constexpr int AxisNearLimit = 1570;
+constexpr int AxisExternalLimit = 1571;
+constexpr int AxisHardLimit = 1572;
+constexpr int ParameterSettingsInvalid = 65536;
+constexpr int ServoOnError = 65537;
+constexpr int ParameterFileParseError = 65542;
+constexpr int CurrentEmergencyStopLevelIsHigher = 65546;
+constexpr int NotServoOn = 65556;
+constexpr int NotIdleOrPosState = 65557;
+constexpr int NotPosState = 65558;
+constexpr int NotIdleOrJogState = 65559;
+constexpr int NotIdleOrVelocityState = 65560;
+constexpr int NotIdleOrIntplState = 65561;
+constexpr int NotIdleOrPosOrJogState = 65562;
+constexpr int NotPosMode = 65571;
+constexpr int NotVelocityMode = 65572;
+constexpr int NotTrqMode = 65573;
+constexpr int NotPosOrVelocityMode = 65574;
+constexpr int NotHomeState = 65576;
+constexpr int AxisArgumentOutOfRange = 65578;
+constexpr int ProfileArgumentOutOfRange = 65579;
+constexpr int PositionArgumentOutOfRange = 65580;
+constexpr int VelocityArgumentOutOfRange = 65581;
+constexpr int AccArgumentOutOfRange = 65582;
+constexpr int DecArgumentOutOfRange = 65583;
+constexpr int StartingVelocityArgumentOutOfRange = 65588;
+constexpr int EndVelocityArgumentOutOfRange = 65589;
+constexpr int RunTimeArgumentOutOfRange = 65591;
+constexpr int TimeArgumentOutOfRange = 65592;
+constexpr int WaitTimeout = 65616;
+constexpr int ProfileTypeNotSupported = 65617;
+constexpr int ChannelExecutingCommands = 65622;
+constexpr int ChannelNotEnoughSpace = 65624;
+constexpr int ChannelBufferMemoryNotAllocated = 65627;
+constexpr int ChannelBufferMemoryAlreadyAllocated = 65628;
+constexpr int ChannelBufferMemoryFailedToAllocate = 65629;
+constexpr int EmergencyStopSignalOn = 65632;
+constexpr int CurrentAxisCommandModeNotSupported = 65635;
+constexpr int AxisCommandModeOutOfRange = 65659;
+constexpr int ZPulseDetectionUnsupported = 65660;
+constexpr int TouchProbeDetectionUnsupported = 65661;
+constexpr int HomeSwitchDetectionUnsupported = 65662;
+constexpr int LimitSwitchDetectionUnsupported = 65663;
+constexpr int SplineStartingPositionNotCurrentPosition = 94210;
+constexpr int TimeBetweenPointsTooClose = 94222;
+constexpr int DimensionOutOfRange = 94224;
+constexpr int PointCountBelowMinimum = 94225;
+constexpr int FirstPointTimeNotZero = 94245;
+constexpr int ScanNetworkFailed = 8193;
+constexpr int HotconnectFailed = 8194;
+constexpr int SlaveRegReadError = 8208;
+
+}  // namespace codes

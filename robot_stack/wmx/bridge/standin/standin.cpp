@@ -23,10 +23,6 @@ using wire::Value;
 
 namespace {
 
-// The port's numbers of the codes that are made here.
-constexpr int NOT_RUNNING = 263, TIMED_OUT = 270, STATUS_ERROR = 271, STATUS_NULL = 282, NULL_DEVICE = 301, NOT_STARTED_IN_TIME = 1283,
-              COMM_NOT_STARTED_IN_TIME = 1285, SIZE_RANGE = 1551, ARGUMENT_RANGE = 1555, FILE_FAILED = 1562, SETTINGS_INVALID = 65536,
-              PARSE_FAILED = 65542;
 constexpr std::int64_t STALE_NS = 1'000'000'000;
 constexpr int TIMEOUT_S = 10;
 
@@ -72,27 +68,27 @@ struct Device {
 
     // The port's code; its values in results.
     int ask(const std::string& method, List given, List* results = nullptr) {
-        if (socket < 0) return NULL_DEVICE;
+        if (socket < 0) return codes::DeviceIsNull;
         List message = arguments(++number, method);
         std::move(given.begin(), given.end(), std::back_inserter(message));
         std::string frame;
         try {
             frame = wire::frame(message);
         } catch (const wire::FrameError&) {
-            return ARGUMENT_RANGE;
+            return codes::ArgumentOutOfRange;
         }
         if (send(socket, frame.data(), frame.size(), MSG_NOSIGNAL) != static_cast<ssize_t>(frame.size())) return lost();
         char data[16384];
         while (true) {
             ssize_t count = recv(socket, data, sizeof data, 0);
-            if (count < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return TIMED_OUT;
+            if (count < 0 && (errno == EAGAIN || errno == EWOULDBLOCK)) return codes::APIChannelTimeOut;
             if (count <= 0) return lost();
             decoder.feed(data, static_cast<std::size_t>(count));
             while (auto answer = decoder.next()) {
                 if (*answer->front().as<std::int64_t>() != number) continue;
                 int code = static_cast<int>(*(*answer)[1].as<std::int64_t>());
                 if (results) results->assign(answer->begin() + 2, answer->end());
-                if (code == NULL_DEVICE) forget();
+                if (code == codes::DeviceIsNull) forget();
                 return code;
             }
         }
@@ -100,7 +96,7 @@ struct Device {
 
     int lost() {
         forget();
-        return NOT_RUNNING;
+        return codes::IMLibIsNotRunning;
     }
 
     int create(const std::string& path, int type) {
@@ -137,8 +133,8 @@ struct Device {
 
     // A consistent copy of the engine's page.
     int read(std::optional<page::Status>& into) {
-        if (socket < 0) return NULL_DEVICE;
-        if (!status && !map()) return STATUS_NULL;
+        if (socket < 0) return codes::DeviceIsNull;
+        if (!status && !map()) return codes::StatusChannelNull;
         int code = copy(into);
         if (code && map()) code = copy(into);
         return code;
@@ -161,10 +157,10 @@ struct Device {
             get(into->outputs.data(), into->outputs.size());
             std::atomic_thread_fence(std::memory_order_acquire);
             if (!(before & 1) && from.sequence().load(std::memory_order_relaxed) == before)
-                return now_ns() - into->meta.stamp_ns > STALE_NS ? STATUS_ERROR : 0;
+                return now_ns() - into->meta.stamp_ns > STALE_NS ? codes::StatusChannelError : 0;
             if (attempt > 50) std::this_thread::yield();
         }
-        return STATUS_ERROR;
+        return codes::StatusChannelError;
     }
 
     std::size_t n_axes() { return status || map() ? static_cast<std::size_t>(status->head(2)) : 0; }
@@ -236,8 +232,9 @@ long WMX3Api::CreateDevice(char* path, DeviceType::T type, unsigned int waitTime
     while (true) {
         // For tests: with this file no device is created.
         bool refused = access((std::string(path) + "/standin.no_device").c_str(), F_OK) == 0;
-        int code = refused ? NOT_STARTED_IN_TIME : dev->create(path, records::ours<DeviceType::T>(type));
-        if ((code != NOT_RUNNING && code != NOT_STARTED_IN_TIME) || now_ns() >= until) return records::their_code(code);
+        int code = refused ? codes::EngineNotStartedInSpecifiedTime : dev->create(path, records::ours<DeviceType::T>(type));
+        bool starting = code == codes::IMLibIsNotRunning || code == codes::EngineNotStartedInSpecifiedTime;
+        if (!starting || now_ns() >= until) return records::their_code(code);
         rest();
     }
 }
@@ -256,7 +253,7 @@ long WMX3Api::StopEngine(unsigned int) {
 
 long WMX3Api::GetDeviceID(int* id) {
     *id = dev->id;
-    return records::their_code(dev->id ? 0 : NULL_DEVICE);
+    return records::their_code(dev->id ? 0 : codes::DeviceIsNull);
 }
 
 long WMX3Api::StartCommunication(unsigned int waitTimeMilliseconds) {
@@ -266,7 +263,7 @@ long WMX3Api::StartCommunication(unsigned int waitTimeMilliseconds) {
         std::optional<page::Status> status;
         if (int unread = dev->read(status)) return records::their_code(unread);
         if (status->meta.state == records::ours<EngineState::T>(EngineState::Communicating)) return 0;
-        if (now_ns() >= until) return records::their_code(COMM_NOT_STARTED_IN_TIME);
+        if (now_ns() >= until) return records::their_code(codes::CommNotStartedInSpecifiedTime);
         rest();
     }
     return code;
@@ -364,7 +361,7 @@ bool delay(const std::string& path) {
 }  // namespace
 
 long CoreMotion::GetStatus(CoreMotionStatus* pStatus) {
-    if (wmx3Api->dev->delayed && !delay(wmx3Api->dev->folder + "/standin.status_ms")) return records::their_code(NULL_DEVICE);
+    if (wmx3Api->dev->delayed && !delay(wmx3Api->dev->folder + "/standin.status_ms")) return records::their_code(codes::DeviceIsNull);
     std::optional<page::Status> status;
     if (int code = wmx3Api->dev->read(status)) return records::their_code(code);
     const page::Meta& meta = status->meta;
@@ -448,7 +445,7 @@ long Config::GetHomeParam(int axis, HomeParam* pParam) {
     return block(cmApi, "config.GetHomeParam", arguments(axis), pParam);
 }
 long Config::SetHomeParam(int axis, HomeParam* pParam, HomeParam*) {
-    if (pParam->multipleZPulse != KEPT) return records::their_code(SETTINGS_INVALID);
+    if (pParam->multipleZPulse != KEPT) return records::their_code(codes::ParameterSettingsInvalid);
     return ask(cmApi, "config.SetHomeParam", {wire::of(axis), record(cmApi, *pParam)});
 }
 BLOCK(LimitParam)
@@ -482,7 +479,7 @@ long Config::GetAndExportAll(char* pPath) {
     try {
         parameter_file::write(pPath, root);
     } catch (const std::runtime_error&) {
-        return records::their_code(FILE_FAILED);
+        return records::their_code(codes::FileOperationFailed);
     }
     return 0;
 }
@@ -493,15 +490,15 @@ long Config::ImportAndSetAll(char* pPath, SystemParam*, AxisParam*) {
         auto whole = root->child("GlobalParameters");
         if (!whole || parameter_file::number_of(whole, {"StandInParam/Unknown", 0, true}).as<std::int64_t>() == nullptr ||
             *parameter_file::number_of(whole, {"StandInParam/Unknown", 0, true}).as<std::int64_t>() != 7)
-            return records::their_code(PARSE_FAILED);
+            return records::their_code(codes::ParameterFileParseError);
         List axes;
         for (std::size_t axis = 0; axis < cmApi->wmx3Api->dev->n_axes(); ++axis)
             axes.push_back({parameter_file::numbers_of(parameter_file::axis_block(*root, axis), tables::AXIS_ENTRIES)});
         return ask(cmApi, "SetAllParameters", arguments(parameter_file::numbers_of(whole, tables::GLOBAL_ENTRIES), std::move(axes)));
     } catch (const parameter_file::ParseError&) {
-        return records::their_code(PARSE_FAILED);
+        return records::their_code(codes::ParameterFileParseError);
     } catch (const std::runtime_error&) {
-        return records::their_code(FILE_FAILED);
+        return records::their_code(codes::FileOperationFailed);
     }
 }
 
@@ -535,7 +532,7 @@ long image(WMX3Api* api, std::vector<std::uint8_t> page::Status::*which, int add
     std::optional<page::Status> status;
     if (int code = api->dev->read(status)) return records::their_code(code);
     auto& bytes = (*status).*which;
-    if (addr < 0 || size <= 0 || static_cast<std::size_t>(addr + size) > bytes.size()) return records::their_code(SIZE_RANGE);
+    if (addr < 0 || size <= 0 || static_cast<std::size_t>(addr + size) > bytes.size()) return records::their_code(codes::IOSizeOutOfRange);
     std::copy_n(bytes.begin() + addr, size, into);
     return 0;
 }
