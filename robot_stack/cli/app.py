@@ -14,6 +14,7 @@ from robot_stack.cli.film import film
 from robot_stack.cli.map import maps
 from robot_stack.cli.mission import mission
 from robot_stack.cli.pin import pin
+from robot_stack.cli.report import report
 from robot_stack.cli.view import view
 from robot_stack.cli.wmx import wmx
 
@@ -46,6 +47,7 @@ app.command()(programs.record)
 app.command()(programs.replay)
 app.command()(view)
 app.command()(film)
+app.command()(report)
 app.command()(pin)
 app.command()(doctor.doctor)
 app.command()(bench.bench)

@@ -58,6 +58,7 @@ class BlackBoxParams(SelectionParams):
     image_block_px: Annotated[int, Field(ge=0, le=256)]
     retention_days: Annotated[float, Field(gt=0.0, le=3650.0)]
     retention_gb: Annotated[float, Field(gt=0.0, le=100_000.0)]
+    rides_retention_days: Annotated[float, Field(gt=0.0, le=3650.0)]
     map: str
 
     @model_validator(mode="after")

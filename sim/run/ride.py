@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_stack.contract.states import DOCKING, DockingState, MissionState
+from robot_stack.contract.states import DockingState, MissionState
 from robot_stack.core.geometry import Pose2, wrap_angle
+from robot_stack.core.rides import why_standing
 
 # A plan that takes over on the move begins where the robot will be: until it is there, the old one counts as well.
 _HANDOVER_S = 0.5
@@ -174,14 +175,10 @@ def arrivals(steps: Sequence[Step]) -> list[tuple[str, float]]:
 
 def _why(ride: Ride, begin_s: float, end_s: float) -> str:
     """The most severe cause while it stood: a stop of the safety monitor, docking, or the mission's reason."""
-    held = [reason for time_s, speed_mps, reason in _during(ride.limits, begin_s, end_s) if speed_mps <= 0.0]
-    docking = [state for _, state in _during(ride.docking, begin_s, end_s) if state in DOCKING]
+    limits = [reason for _, speed_mps, reason in _during(ride.limits, begin_s, end_s) if speed_mps <= 0.0]
+    docking = [state for _, state in _during(ride.docking, begin_s, end_s)]
     steps = [step for _, step in _during([(step.time_s, step) for step in ride.steps], begin_s, end_s)]
-    changes = [step for step in steps if step.state != MissionState.RUNNING] or steps[:1]
-    reasons = [step.reason for step in steps if step.reason] or [f"{s.state.lower()} at {s.waypoint}" for s in changes]
-    if held:
-        return f"stopped: {', '.join(dict.fromkeys(filter(None, held))) or 'no reason given'}"
-    return f"docking: {' -> '.join(dict.fromkeys(docking))}" if docking else "; ".join(dict.fromkeys(reasons))
+    return why_standing(limits, docking, [(step.state, step.waypoint, step.reason) for step in steps])
 
 
 def _during(items: Sequence[Any], begin_s: float, end_s: float) -> list[Any]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
@@ -10,6 +11,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 
 from robot_stack.core.kept_events import EventRecord, EventState, events_dir, read_events
+from robot_stack.core.rides import read_rides, rides_dir
 from tests.simulated.stage import Stage, staged
 
 
@@ -103,3 +105,20 @@ def test_a_killed_black_box_keeps_what_it_has_written_and_goes_on() -> None:
         times = times_s(event, "/safety/status")
         assert times[0] < event.triggers[0].ros_s - 8.0
         assert times[-1] > event.triggers[0].ros_s + 9.0
+
+
+def test_a_mission_leaves_a_record() -> None:
+    with recorded() as stage:
+        stage.command("START_MISSION", "short_hop")
+        stage.wait_mission("RUNNING")
+        stage.run(4.0)
+        stage.command("ABORT")
+        stage.wait_mission("ABORTED")
+        stage.run(2.0)
+        rides, damaged = read_rides(rides_dir(), 0.0, math.inf)
+        assert not damaged
+        (ride,) = rides
+        assert (ride.mission_id, ride.state) == ("short_hop", "ABORTED")
+        assert "aborted by command" in ride.reason
+        assert 4.0 <= ride.duration_s < 6.0
+        assert ride.battery[0] is not None

@@ -1,4 +1,4 @@
-"""Node ``black_box``: keeps the last minute of all topics on the disk, and events."""
+"""Node ``black_box``: keeps the last minute of all topics on the disk, events, and records of rides."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from diagnostic_msgs.msg import DiagnosticStatus
 
 from robot_stack.contract import topics
 from robot_stack.core.kept_events import black_box_dir
+from robot_stack.core.rides import rides_dir
 from robot_stack.middleware.node import StackNode, run
 from robot_stack.middleware.report import diagnostic_status
 from robot_stack.recording.black_box import TriggerWatch
 from robot_stack.recording.black_box_files import Clocks
 from robot_stack.recording.nodes.blur import blurred
+from robot_stack.recording.nodes.ride_log import RideLog
 from robot_stack.recording.nodes.row_recording import RowRecording
 from robot_stack.recording.opening import open_black_box
 from robot_stack.recording.params import BlackBoxParams
@@ -34,6 +36,7 @@ class BlackBoxNode(StackNode):
         self._triggers = TriggerWatch(params.ignored_faults, params.silence_s, params.settle_s)
         self._rows = RowRecording(self, rows, params, self._on_message, self._on_image)
         self.listen(topics.SAFETY_STATUS, self._on_status, raw=False, wakes=True)
+        self._rides = RideLog(self, rides_dir(), params.rides_retention_days)
         self.every(_CHECK_HZ, self._check_silence)
         self.every(1.0, self._watch)
         self.report.more = self._disk_status

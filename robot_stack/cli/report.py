@@ -1,0 +1,144 @@
+"""report: the rides of a day, or of a recording, on one page."""
+
+from __future__ import annotations
+
+import json
+import time
+from datetime import date, datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+from rich.text import Text
+
+from robot_stack.cli.errors import WRONG_USE, CommandError, writing
+from robot_stack.cli.tables import console, table
+
+if TYPE_CHECKING:
+    from robot_stack.core.kept_events import EventRecord
+    from robot_stack.core.rides import RideRecord
+
+_STEP_S = 0.2
+_COLUMNS: list[tuple[str, Literal["left", "right"]]] = [
+    ("begin", "left"),
+    ("mission", "left"),
+    ("state", "left"),
+    ("m", "right"),
+    ("with chair, m", "right"),
+    ("min", "right"),
+    ("stops", "right"),
+    ("battery", "right"),
+]
+
+
+def report(
+    what: Annotated[
+        str, typer.Argument(metavar="DAY|RECORDING", help="today, yesterday, a date YYYY-MM-DD, or a recording.")
+    ] = "today",
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="File to write; by default report-DAY.html in this folder.")
+    ] = None,
+    map_name: Annotated[
+        str | None, typer.Option("--map", help="Map of the site; by default localization's, '' for none.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the records as JSON; no page.")] = False,
+) -> None:
+    """Sum up the rides of a day: routes on the map, stops with their reasons, docking, battery, kept events.
+
+    The black box keeps a record of each mission. Exit code 1 if there was no ride.
+    """
+    path = Path(what)
+    day = _day(what) if not path.exists() else None
+    if day is None and not path.exists():
+        raise CommandError(f"{what!r} is no day (today, yesterday, YYYY-MM-DD) and no recording", WRONG_USE)
+    rides, events = _of_day(day) if day else (_of_recording(path), [])
+    title = f"{day:%A}, {day}" if day else path.resolve().name
+    if as_json:
+        print(json.dumps([ride.model_dump(mode="json") for ride in rides], indent=2))
+    elif rides:
+        _print(title, rides)
+        file = output or Path(f"report-{day or path.resolve().stem}.html")
+        _write_page(file, title, rides, events, map_name)
+        print(f"{file} ({file.stat().st_size / 1e6:.1f} MB)")
+    if not rides:
+        raise CommandError(f"no rides on {day}" if day else f"{path} contains no mission")
+
+
+def _day(what: str) -> date | None:
+    today = datetime.now().astimezone().date()
+    named = {"today": today, "yesterday": today - timedelta(days=1)}
+    if what in named:
+        return named[what]
+    try:
+        return date.fromisoformat(what)
+    except ValueError:
+        return None
+
+
+def _of_day(day: date) -> tuple[list[RideRecord], list[EventRecord]]:
+    from robot_stack.core.kept_events import events_dir, read_events
+    from robot_stack.core.rides import read_rides, rides_dir
+
+    midnight = datetime.combine(day, datetime.min.time())
+    from_s, until_s = (item.astimezone().timestamp() for item in (midnight, midnight + timedelta(days=1)))
+    rides, damaged = read_rides(rides_dir(), from_s, until_s)
+    for path in damaged:
+        typer.echo(f"{path} is no record of a ride and is left out", err=True)
+    events = [event for event in read_events(events_dir()) if from_s <= event.at_s < until_s]
+    return rides, sorted(events, key=lambda event: event.at_s)
+
+
+def _of_recording(path: Path) -> list[RideRecord]:
+    from robot_stack.cli.recordings import read_messages, recording_files
+    from robot_stack.recording.ride_messages import RideMessages
+    from robot_stack.recording.rides import RideWatch
+
+    messages, watch = RideMessages(), RideWatch()
+    rides: dict[str, RideRecord] = {}
+    next_s = 0.0
+    for file in recording_files(path):
+        for item in read_messages(file, messages.names, lambda _: None):
+            if isinstance(item, str):
+                typer.echo(item, err=True)
+                continue
+            if item.at_s >= next_s:
+                next_s = item.at_s + _STEP_S
+                record = watch.step(messages.observation(item.at_s, item.at_s))
+                rides |= {record.id: record} if record else {}
+            messages.take(item.topic, item.decode(), item.at_s)
+    last = watch.end()
+    rides |= {last.id: last} if last else {}
+    return list(rides.values())
+
+
+def _print(title: str, rides: list[RideRecord]) -> None:
+    shown = table(title, _COLUMNS)
+    for ride in rides:
+        cells = (
+            time.strftime("%H:%M:%S", time.localtime(ride.began_s)),
+            ride.mission_name or ride.mission_id,
+            ride.state,
+            f"{ride.distance_m:.0f}",
+            f"{ride.carried_m:.0f}",
+            f"{ride.duration_s / 60.0:.1f}",
+            str(len(ride.stops)),
+            " to ".join("?" if value is None else f"{value:.0%}" for value in ride.battery),
+        )
+        shown.add_row(*map(Text, cells))
+    console().print(shown)
+
+
+def _write_page(
+    file: Path, title: str, rides: list[RideRecord], events: list[EventRecord], map_name: str | None
+) -> None:
+    from robot_stack.cli.report_page import report_page
+    from robot_stack.cli.report_pictures import ride_picture
+    from robot_stack.core.config import config_dir, read_yaml
+    from robot_stack.core.site_map import load_map
+
+    name = read_yaml(config_dir() / "ndt_localization.yaml").get("map", "") if map_name is None else map_name
+    grid = load_map(name).grid if name else None
+    pictures = {ride.id: ride_picture(ride, grid) for ride in rides}
+    with writing(file):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(report_page(title, rides, events, pictures), encoding="utf-8")

@@ -1,0 +1,130 @@
+"""``robot-stack report``: the rides of a day and of a recording."""
+
+from __future__ import annotations
+
+import json
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from robot_stack.cli.app import app
+from robot_stack.cli.errors import CommandError
+from robot_stack.cli.report_page import report_page
+from robot_stack.core.kept_events import EventRecord, EventState, Software, Trigger
+from robot_stack.core.rides import (
+    RideDocking,
+    RidePoint,
+    RideRecord,
+    RideStop,
+    RideWaypoint,
+    rides_dir,
+    write_ride,
+)
+from tests.unit.sim.test_result_page import Reader
+
+_NOON_S = datetime(2026, 5, 1, 12, 0, 0).astimezone().timestamp()
+_RIDE = RideRecord(
+    id="20260501-120000",
+    mission_id="tour",
+    mission_name="Tour <1>",
+    began_s=_NOON_S,
+    duration_s=75.0,
+    state="COMPLETED",
+    reason="",
+    distance_m=40.0,
+    carried_m=12.0,
+    top_speed_mps=1.2,
+    battery=(0.8, 0.7),
+    stops=(RideStop(begin_s=10.0, duration_s=5.0, x=1.0, y=2.0, why="stopped: OBSTACLE_STOP"),
+           RideStop(begin_s=20.0, duration_s=4.0, x=None, y=None, why="docking: SEARCH")),
+    waypoints=(RideWaypoint(name="gate & yard", done_s=30.0),),
+    dockings=(RideDocking(at_s=25.0, error_m=0.0007, error_deg=0.05),),
+    path=tuple(RidePoint(at_s=float(i), x=0.5 * i, y=0.0, speed_mps=0.5) for i in range(10)),
+)  # fmt: skip
+_EVENT = EventRecord(
+    id="20260501-120100",
+    state=EventState.COMPLETE,
+    triggers=(Trigger(at_s=_NOON_S + 60.0, ros_s=0.0, reasons=("TILT",)),),
+    software=Software(version="1", sha256=""),
+    map=None,
+    nodes=(),
+)
+
+
+def call(*arguments: str) -> Result:
+    return CliRunner().invoke(app, ["report", *arguments])
+
+
+@pytest.fixture
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.delenv("STATE_DIRECTORY", raising=False)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_page_shows_rides_stops_and_events() -> None:
+    other = _RIDE.model_copy(update={"id": "later", "began_s": _NOON_S + 600.0, "state": "FAILED", "reason": "no way"})
+    read = Reader(report_page("Friday", [_RIDE, other], [_EVENT], {"20260501-120000": b"png", "later": b"png"}))
+    for text in ("1 of 2", "Tour <1>", "stopped: OBSTACLE_STOP", "x 1.0 m, y 2.0 m", "gate & yard", "no way", "TILT"):
+        assert text in read.text, text
+    assert "1 mm, 0.1°" in read.text
+    assert len(read.pictures) == 2
+    # In the day's list, and with its ride only.
+    assert read.text.count("TILT") == 2
+
+
+def test_the_report_of_a_day(state: Path) -> None:
+    write_ride(rides_dir(), _RIDE)
+    write_ride(rides_dir(), _RIDE.model_copy(update={"id": "next", "began_s": _NOON_S + 86_400.0}))
+    (rides_dir() / "torn.json").write_text("{")
+    shown = call("2026-05-01", "--map", "")
+    assert shown.exit_code == 0, shown.output
+    assert "report-2026-05-01.html" in shown.output
+    assert "torn.json is no record" in shown.output
+    page = (state / "report-2026-05-01.html").read_text()
+    assert "Friday, 2026-05-01" in page
+    assert page.count("<h2") == 1
+    (ride,) = json.loads(call("2026-05-01", "--json").stdout)
+    assert ride["distance_m"] == 40.0
+
+
+def test_the_route_is_drawn_on_the_map(state: Path) -> None:
+    write_ride(rides_dir(), _RIDE)
+    without, beside = (state / "without.html", state / "with.html")
+    assert call("2026-05-01", "--map", "", "-o", str(without)).exit_code == 0
+    assert call("2026-05-01", "--map", "yard", "-o", str(beside)).exit_code == 0
+    assert without.read_text() != beside.read_text()
+
+
+@pytest.mark.parametrize("day", ["today", "yesterday", "2020-01-01"])
+def test_a_day_without_rides(state: Path, day: str) -> None:
+    midnight = datetime.now().astimezone().date()
+    named = {"today": midnight, "yesterday": midnight - timedelta(days=1)}.get(day, day)
+    shown = call(day)
+    assert isinstance(shown.exception, CommandError)
+    assert (str(shown.exception), shown.exception.code) == (f"no rides on {named}", 1)
+
+
+def test_neither_day_nor_recording(state: Path) -> None:
+    error = call("last week").exception
+    assert isinstance(error, CommandError)
+    assert error.code == 2
+
+
+def test_a_recording_of_a_ride(state: Path) -> None:
+    """The recording ends on the way to the first waypoint; it is thinned and has no pose."""
+    folder = Path(__file__).resolve().parents[2] / "rides"
+    shown = call(str(folder / "first_leg.mcap"), "--map", "")
+    assert shown.exit_code == 0, shown.output
+    page = (state / "report-first_leg.html").read_text()
+    assert "about to start: warning persons around the robot" in page
+    (ride,) = json.loads(call(str(folder / "first_leg.mcap"), "--json").stdout)
+    assert (ride["mission_id"], ride["state"]) == ("short_transport", "RUNNING")
+    assert ride["distance_m"] == pytest.approx(2.8, abs=0.1)
+    error = call(str(folder / "goal_ahead.mcap")).exception
+    assert isinstance(error, CommandError)
+    assert "contains no mission" in str(error)
