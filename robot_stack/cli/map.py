@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated
 
@@ -69,17 +70,22 @@ def show(
     name: Annotated[str, typer.Argument(help="Name in config/maps, or a folder.")],
     picture: Annotated[Path | None, typer.Option(help="Draw the map into this PNG file.")] = None,
 ) -> None:
-    """Show a map's content and origin."""
+    """Show a map's content, origin and zones."""
     from robot_stack.cli.map_build import lines_of
     from robot_stack.core.site_map import load_map
+    from robot_stack.core.zones import load_zones
 
-    site = load_map(name)
+    site, zones = load_map(name), load_zones(name)
     for line in lines_of(site):
         typer.echo(line)
+    for zone in zones:
+        limit = f", {zone.speed_mps:g} m/s" if math.isfinite(zone.speed_mps) else ""
+        area_m2 = float(zone.cells(site.grid).sum()) * site.grid.resolution_m**2
+        typer.echo(f"zone {zone.name}: {zone.type.value}{limit}, {area_m2:.1f} m2 of the map")
     if picture is not None:
         from robot_stack.cli.map_picture import draw_map
 
-        draw_map(site, picture)
+        draw_map(site, picture, zones=zones)
         typer.echo(f"picture: {picture}")
 
 

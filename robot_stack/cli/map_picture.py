@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from robot_stack.cli.errors import writing
 from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, SiteMap, shaded
+from robot_stack.core.zones import Zone, ZoneType
 
 _DPI = 110
 GREYS = {FREE: 247, OCCUPIED: 25, UNKNOWN: 200}
@@ -18,7 +19,16 @@ _WALL_FROM_M = 0.1
 Places = npt.NDArray[np.float64]
 
 
-def draw_map(site: SiteMap, file: Path, way: Places | None = None, loops: Places | None = None) -> None:
+_ZONE_COLOURS = {ZoneType.KEEPOUT: "tab:red", ZoneType.SPEED: "tab:blue"}
+
+
+def draw_map(
+    site: SiteMap,
+    file: Path,
+    way: Places | None = None,
+    loops: Places | None = None,
+    zones: tuple[Zone, ...] = (),
+) -> None:
     """way: (n, 2) m, the robot's path; loops: (n, 2, 2) m, pairs of recognised places. Raises CommandError."""
     from matplotlib.collections import EllipseCollection, LineCollection
     from matplotlib.figure import Figure
@@ -45,6 +55,11 @@ def draw_map(site: SiteMap, file: Path, way: Places | None = None, loops: Places
         axes.plot(*way[-1], "s", color="tab:red", label="end")
     if loops is not None and len(loops):
         axes.add_collection(LineCollection(list(loops), colors="tab:red", linewidths=1.0, label="loops"))
+    for zone in zones:
+        colour = _ZONE_COLOURS[zone.type]
+        for ring in zone.rings:
+            axes.plot(ring[:, 0], ring[:, 1], color=colour, linewidth=1.6)
+        axes.annotate(zone.name, zone.rings[0].mean(axis=0), color=colour, ha="center", va="center")
     axes.set(xlim=(x, x + width_m), ylim=(y, y + height_m), xlabel="x in map, m", ylabel="y in map, m", aspect="equal")
     axes.set_title(f"{site.name}: {len(site.cells.count)} cells of {site.cells.size_m:g} m, one deviation; by height")
     if way is not None:

@@ -20,6 +20,7 @@ from robot_stack.core.goals import GoalStatus
 from robot_stack.core.limits import NO_LIMIT, MotionLimits, SpeedLimit
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.core.site_map import Grid
+from robot_stack.core.zones import Zone
 from robot_stack.navigation.follower import RouteFollower
 from robot_stack.navigation.goal import GoalCode, GoalEnd, GoalRequest, Refusal, refusal, too_far
 from robot_stack.navigation.limits import PlanningLimits, planning_limits
@@ -117,6 +118,7 @@ class NavigationController:
         departure: Departure,
         grid: Grid | None = None,
         routes: Callable[[RouteSolver], RoutePlanner] = PromptRoutes,
+        zones: tuple[Zone, ...] = (),
     ) -> None:
         self._params = params
         self._departure = departure
@@ -136,7 +138,7 @@ class NavigationController:
         self._text = "no goal"
         self.path: Path | None = None
         # The caller supplies the costmaps.
-        self.around = WorldModel(params, grid)
+        self.around = WorldModel(params, grid, zones)
         self._follower = RouteFollower(params, self.around, routes(RouteSolver(params.planner, self.around.grid)))
         self._unreachable: _Unreachable | None = None
         self._narrow_mps = math.inf

@@ -156,7 +156,10 @@ class RouteFollower:
         people = around.people if around.seeing else ()
         along = np.column_stack((at, metres))
         waits = p.passage if self._waited_s < p.passage.wait_s else None
-        cap = speed_limits(along, clear, people, now_s, speed, limits, footprint, p.speed_limits, p.people, waits)
+        zones = around.zone_speed_mps(ahead)
+        cap = speed_limits(
+            along, clear, zones, people, now_s, speed, limits, footprint, p.speed_limits, p.people, waits
+        )
         self._waits = cap.yields and speed < _STANDING_MPS and waits is not None
         self._waited_s += dt_s if self._waits else 0.0
         start = self._smoother.start(located.twist)

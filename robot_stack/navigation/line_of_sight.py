@@ -65,12 +65,13 @@ def allowed_speed(
     params: NavigationParams,
     cruise_mps: float,
 ) -> float:
-    """Speed allowed by the clearance of the next seconds, m/s in steps; infinite without a limit."""
+    """Speed allowed by the clearance and the zones of the next seconds, m/s in steps; infinite without a limit."""
     if around.free_space:
         return math.inf
     poses = sampled(trajectory, from_s, min(from_s + _LOOK_S, trajectory.duration_s))
     clear = np.array([around.clearance_m(footprint, poses).min()])
-    speed = float(narrow_speed(clear, cruise_mps, params.speed_limits)[0])
+    narrow = float(narrow_speed(clear, cruise_mps, params.speed_limits)[0])
+    speed = min(narrow, float(around.zone_speed_mps(poses).min()))
     return (
         math.inf if speed >= cruise_mps else max(_SPEED_STEP_MPS, _SPEED_STEP_MPS * math.floor(speed / _SPEED_STEP_MPS))
     )

@@ -1,4 +1,4 @@
-"""Speed along the route: slow in narrow places and near people, zero for crossing pedestrians."""
+"""Speed along the route: slow in narrow places, in speed zones and near people, zero for crossing pedestrians."""
 
 from __future__ import annotations
 
@@ -35,6 +35,7 @@ def narrow_speed(clearance_m: Array, cruise_mps: float, params: SpeedLimitParams
 def speed_limits(
     route: Array,
     clearance_m: Array,
+    zones_mps: Array,
     people: tuple[Person, ...],
     now_s: float,
     speed_mps: float,
@@ -46,9 +47,10 @@ def speed_limits(
 ) -> SpeedLimits:
     """route: (n, 4) x, y, yaw, along from the robot on, evenly spaced. speed_mps: of the robot now.
 
+    zones_mps: (n,) allowed by the site's speed zones.
     passage: a robot that has to stop for a person does so before a narrow place, not in it; None: where the ways cross.
     """
-    speeds = narrow_speed(clearance_m, limits.speed_mps, params)
+    speeds = np.minimum(narrow_speed(clearance_m, limits.speed_mps, params), zones_mps)
     for one in people:
         x, y = one.at(now_s)
         gap = np.hypot(route[:, 0] - x, route[:, 1] - y) - one.radius_m - 0.5 * footprint.width_m

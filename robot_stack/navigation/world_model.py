@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from robot_stack.core.geometry import IDENTITY, Pose2
 from robot_stack.core.robot import Footprint
-from robot_stack.core.site_map import Grid
+from robot_stack.core.site_map import OCCUPIED, Grid
+from robot_stack.core.zones import Zone, ZoneType
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.global_planner import goal_problem
-from robot_stack.navigation.goal import Refusal
+from robot_stack.navigation.goal import GoalCode, Refusal
 from robot_stack.navigation.local_map import LETHAL, LocalMap, costmap_problem, local_map
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.people import PeopleTracker, Person
@@ -29,11 +31,19 @@ _AROUND = 24
 
 
 class WorldModel:
-    """grid: of the site map, None without one. Poses are in map unless noted as odom."""
+    """grid: of the site map, None without one. zones: of the site. Poses are in map unless noted as odom.
 
-    def __init__(self, params: NavigationParams, grid: Grid | None) -> None:
+    ``grid`` has keepout zones as obstacles. What the costmap sees in them is not explained by the map.
+    """
+
+    def __init__(self, params: NavigationParams, grid: Grid | None, zones: tuple[Zone, ...] = ()) -> None:
         self._params = params
-        self.grid = None if grid is None else PlanningGrid(grid)
+        self._mapped = self.grid = None if grid is None else PlanningGrid(grid)
+        self._zones = zones
+        closed = [zone for zone in zones if zone.type is ZoneType.KEEPOUT]
+        if grid is not None and closed:
+            occupied = np.any([zone.cells(grid) for zone in closed], axis=0)
+            self.grid = PlanningGrid(replace(grid, occupancy=np.where(occupied, np.int8(OCCUPIED), grid.occupancy)))
         self.local: LocalMap | None = None
         self.costmaps = 0
         self.map_to_odom: Pose2 = IDENTITY
@@ -122,10 +132,26 @@ class WorldModel:
             least = min(least, distance_m - (walking_m if person.walks else 0.0))
         return least
 
+    def zone_speed_mps(self, poses: Array) -> Array:
+        """(n,) speed that the zones allow at (n, 3) poses in map; infinite without a limit."""
+        speeds = np.full(len(poses), np.inf)
+        for zone in self._zones:
+            if zone.type is ZoneType.SPEED:
+                inside = zone.contains(poses[:, 0], poses[:, 1])
+                speeds = np.where(inside, np.minimum(speeds, zone.speed_mps), speeds)
+        return speeds
+
     # --- planning ----------------------------------------------------------------------------------------------------
 
     def goal_problem(self, footprint: Footprint, goal: Pose2) -> Refusal | None:
-        return None if self.grid is None else goal_problem(self.grid, footprint, goal, self._params.planner)
+        if self._mapped is None or self.grid is None:
+            return None
+        params = self._params.planner
+        by_map = goal_problem(self._mapped, footprint, goal, params)
+        if by_map is not None or self.grid is self._mapped or goal_problem(self.grid, footprint, goal, params) is None:
+            return by_map
+        text = f"goal ({goal.x:.2f}, {goal.y:.2f}) lies in a keepout zone, or too near to one"
+        return Refusal(GoalCode.GOAL_OCCUPIED, text)
 
     def question(self, start: Pose2, goal: Pose2, footprint: Footprint) -> RouteRequest:
         """A request for a route around all obstacles of map and costmap until now, and around standing people."""
@@ -156,7 +182,7 @@ class WorldModel:
     def _explained(self, lethal: npt.NDArray[np.bool_], resolution_m: float, origin: Pose2) -> npt.NDArray[np.bool_]:
         """Mask of the lethal cells at map obstacles."""
         known = np.zeros_like(lethal)
-        if self.grid is None:
+        if self._mapped is None:
             return known
         rows, columns = np.nonzero(lethal)
         points = np.column_stack((origin.x + (columns + 0.5) * resolution_m, origin.y + (rows + 0.5) * resolution_m))
@@ -165,9 +191,9 @@ class WorldModel:
 
     def _near_map(self, points: Array) -> npt.NDArray[np.bool_]:
         """(n,) True for points (n, 2), map, at an obstacle of the map."""
-        assert self.grid is not None
+        assert self._mapped is not None
         dot = np.zeros((1, 2))
-        return self.grid.clearance_m(dot, np.column_stack((points, np.zeros(len(points)))), known=True) < _SAME_M
+        return self._mapped.clearance_m(dot, np.column_stack((points, np.zeros(len(points)))), known=True) < _SAME_M
 
     def _to_map(self, points: Array) -> Array:
         o = self.map_to_odom
@@ -183,9 +209,10 @@ class WorldModel:
             keep = ~self.local.covers(at[:, 0], at[:, 1]) & (age_s >= 0.0) & (age_s <= self._params.planner.memory_s)
             self._remembered, self._remembered_s = self._remembered[keep], self._remembered_s[keep]
         seen = self._to_map(self.local.points())
-        if self.grid is not None and len(seen):
+        if self._mapped is not None and len(seen):
             seen = seen[
-                self.grid.clearance_m(np.zeros((1, 2)), np.column_stack((seen, np.zeros(len(seen)))), known=True) > 0.15
+                self._mapped.clearance_m(np.zeros((1, 2)), np.column_stack((seen, np.zeros(len(seen)))), known=True)
+                > 0.15
             ]
         self._remembered = np.concatenate((self._remembered, seen))[-_MOST_REMEMBERED:]
         self._remembered_s = np.concatenate((self._remembered_s, np.full(len(seen), stamp_s)))[-_MOST_REMEMBERED:]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 import sqlite3
 
@@ -88,6 +89,26 @@ def test_show_and_check(folder, tmp_path):
     checked = CliRunner().invoke(app, ["map", "check", str(folder)])
     assert checked.exit_code == 0
     assert "checksums agree" in checked.output
+
+
+def test_show_lists_and_draws_zones(folder, tmp_path):
+    copy = tmp_path / "copy"
+    shutil.copytree(folder, copy)
+    ring = [[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0], [0.0, 0.0]]
+    features = [
+        {"type": "Feature", "properties": properties, "geometry": {"type": "Polygon", "coordinates": [ring]}}
+        for properties in (
+            {"name": "lawn", "type": "keepout"},
+            {"name": "ward", "type": "speed", "speed_limit_mps": 0.4},
+        )
+    ]
+    (copy / "zones.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    plain, drawn = tmp_path / "plain.png", tmp_path / "drawn.png"
+    assert CliRunner().invoke(app, ["map", "show", str(folder), "--picture", str(plain)]).exit_code == 0
+    shown = CliRunner().invoke(app, ["map", "show", str(copy), "--picture", str(drawn)])
+    assert "zone lawn: keepout, 1.0 m2 of the map" in shown.output
+    assert "zone ward: speed, 0.4 m/s, 1.0 m2 of the map" in shown.output
+    assert plain.read_bytes() != drawn.read_bytes()
 
 
 def test_map_check_detects_changed_file(folder, tmp_path):

@@ -16,6 +16,7 @@ from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.goals import GoalStatus
 from robot_stack.core.limits import MotionLimits
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
+from robot_stack.core.zones import Zone
 from robot_stack.navigation.controller import NavigationController, Output, Situation
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.goal import GoalCode, GoalEnd
@@ -42,9 +43,10 @@ class Story:
         *,
         chair: bool = False,
         routes: Callable[[RouteSolver], RoutePlanner] = PromptRoutes,
+        zones: tuple[Zone, ...] = (),
     ) -> None:
         announced = Departure(load(DepartureParams, "departure"), announced=True)
-        self.controller = NavigationController(params(use_costmap=True), ROBOT, "map", announced, grid, routes)
+        self.controller = NavigationController(params(use_costmap=True), ROBOT, "map", announced, grid, routes, zones)
         self.controller.set_passenger(chair)
         self.drive = Drive(ROBOT.motion(chair), pose=Pose2(2.0, 5.0, 0.0))
         self.footprint = ROBOT.footprint_with_chair if chair else ROBOT.footprint

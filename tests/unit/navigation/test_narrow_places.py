@@ -163,9 +163,8 @@ def test_who_is_in_a_passage_or_nearer_has_it(
 def test_speed_near_people_counts_from_the_chair_s_front() -> None:
     route = np.column_stack((ALONG, np.zeros((len(ALONG), 2)), ALONG))
     person = Person(0.0, CHAIR.front_m + 0.3 + 0.9, 0.0, radius_m=0.3)
-    cap = speed_limits(
-        route, np.full(len(ALONG), 2.0), (person,), 0.0, 0.5, LIMITS, CHAIR, P.speed_limits, P.people, P.passage
-    )
+    far, unlimited = np.full(len(ALONG), 2.0), np.full(len(ALONG), np.inf)
+    cap = speed_limits(route, far, unlimited, (person,), 0.0, 0.5, LIMITS, CHAIR, P.speed_limits, P.people, P.passage)
     assert cap.speed_mps[0] == pytest.approx(P.people.very_near_mps)
 
 

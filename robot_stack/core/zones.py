@@ -1,0 +1,146 @@
+"""Zones of a site beside its map, ``config/maps/<name>/zones.geojson``: where navigation may not drive, or only slowly.
+
+A GeoJSON FeatureCollection of Polygons, also with holes, in the map frame; coordinates x, y in m. Properties:
+    name     for people, unique
+    type     keepout: the footprint stays outside; speed: at most speed_limit_mps inside
+Zones are rules of the site, not obstacles: localization, the costmap and the safety monitor do not use them.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from enum import StrEnum
+from itertools import pairwise
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from robot_stack.core.config import Config, ConfigError
+from robot_stack.core.mission import Coordinate, Name
+from robot_stack.core.site_map import Grid, map_folder
+
+ZONES_FILE = "zones.geojson"
+
+
+class ZoneType(StrEnum):
+    KEEPOUT = "keepout"
+    SPEED = "speed"
+
+
+class _Properties(Config):
+    name: Name
+    type: ZoneType
+    # Slower than the slowest useful speed is a zone to keep out of.
+    speed_limit_mps: Annotated[float, Field(ge=0.1, le=10.0)] | None = None
+
+    @model_validator(mode="after")
+    def _limit_of_speed_zones(self) -> _Properties:
+        if (self.type is ZoneType.SPEED) != (self.speed_limit_mps is not None):
+            raise ValueError("speed_limit_mps belongs to zones of type speed, and each of them needs it")
+        return self
+
+
+Position = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
+
+
+class _Polygon(Config):
+    type: Literal["Polygon"]
+    coordinates: Annotated[tuple[Annotated[tuple[Position, ...], Field(min_length=4)], ...], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _rings_are_closed(self) -> _Polygon:
+        if any(ring[0] != ring[-1] for ring in self.coordinates):
+            raise ValueError("each ring must end with its first position")
+        return self
+
+
+class _Feature(BaseModel):
+    # Editors add ids and members of their own.
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+    type: Literal["Feature"]
+    properties: _Properties
+    geometry: _Polygon
+
+
+class _Collection(BaseModel):
+    model_config = ConfigDict(extra="ignore", frozen=True, allow_inf_nan=False)
+    type: Literal["FeatureCollection"]
+    features: tuple[_Feature, ...]
+
+    @model_validator(mode="after")
+    def _names_are_unique(self) -> _Collection:
+        names = [feature.properties.name for feature in self.features]
+        if len(set(names)) != len(names):
+            raise ValueError("every zone needs a unique name")
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class Zone:
+    """rings: (n, 2) m, map, closed; the first is the outline, the others are holes. speed_mps: infinite for keepout."""
+
+    name: str
+    type: ZoneType
+    rings: tuple[npt.NDArray[np.float64], ...]
+    speed_mps: float
+
+    def contains(self, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        """Mask of the points inside; even-odd rule. x, y: same shape, m, map."""
+        inside = np.zeros(np.shape(x), np.bool_)
+        for ring in self.rings:
+            for (ax, ay), (bx, by) in pairwise(ring):
+                if ay == by:
+                    continue
+                crosses = (y >= min(ay, by)) & (y < max(ay, by)) & (x < ax + (y - ay) * (bx - ax) / (by - ay))
+                inside ^= crosses
+        return inside
+
+    def cells(self, grid: Grid) -> npt.NDArray[np.bool_]:
+        """(rows, columns) cells of the grid whose middle is inside."""
+        rows, columns = grid.occupancy.shape
+        x = grid.origin_x_m + (np.arange(columns) + 0.5) * grid.resolution_m
+        y = grid.origin_y_m + (np.arange(rows) + 0.5) * grid.resolution_m
+        return self.contains(*np.meshgrid(x, y))
+
+
+def load_zones(map_name: str) -> tuple[Zone, ...]:
+    """The zones of a map, none without a file. Raises ConfigError naming the zone and the key."""
+    path = map_folder(map_name) / ZONES_FILE
+    return read_zones(path) if path.exists() else ()
+
+
+def read_zones(path: Path) -> tuple[Zone, ...]:
+    """Raises ConfigError."""
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from None
+    try:
+        found = _Collection.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ConfigError(f"{path}: {_place(content, first['loc'])}{first['msg']}") from None
+    return tuple(
+        Zone(
+            name=feature.properties.name,
+            type=feature.properties.type,
+            rings=tuple(np.array(ring, np.float64) for ring in feature.geometry.coordinates),
+            speed_mps=feature.properties.speed_limit_mps or np.inf,
+        )
+        for feature in found.features
+    )
+
+
+def _place(content: Any, loc: tuple[int | str, ...]) -> str:
+    """Where the error is, with the zone's name if it has one: ``features.1 'lawn' properties.type: ``."""
+    if len(loc) > 1 and loc[0] == "features" and isinstance(loc[1], int):
+        properties = content["features"][loc[1]]
+        name = properties.get("properties") if isinstance(properties, dict) else None
+        shown = f" {name['name']!r}" if isinstance(name, dict) and isinstance(name.get("name"), str) else ""
+        rest = ".".join(map(str, loc[2:]))
+        return f"features.{loc[1]}{shown}{' ' if rest else ''}{rest}: "
+    return ".".join(map(str, loc)) + (": " if loc else "")

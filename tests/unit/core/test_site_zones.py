@@ -1,0 +1,105 @@
+"""Zones of a site: reading them, and which points they contain."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from robot_stack.core.config import ConfigError
+from robot_stack.core.site_map import FREE, Grid, map_folder
+from robot_stack.core.zones import ZONES_FILE, Zone, ZoneType, load_zones, read_zones
+
+_SQUARE = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0], [0.0, 0.0]]
+_HOLE = [[1.0, 1.0], [3.0, 1.0], [3.0, 3.0], [1.0, 3.0], [1.0, 1.0]]
+
+
+def feature(properties: Any, *rings: Any, kind: str = "Polygon") -> dict[str, Any]:
+    geometry = {"type": kind, "coordinates": rings or (_SQUARE,)}
+    return {"type": "Feature", "properties": properties, "geometry": geometry, "id": 7}
+
+
+def written(folder: Path, *features: Any, **members: Any) -> Path:
+    path = folder / ZONES_FILE
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features, **members}))
+    return path
+
+
+def test_zones_are_read(tmp_path: Path) -> None:
+    lawn = feature({"name": "lawn", "type": "keepout"}, _SQUARE, _HOLE)
+    ward = feature({"name": "ward", "type": "speed", "speed_limit_mps": 0.4})
+    keepout, slow = read_zones(written(tmp_path, lawn, ward, name="exported by an editor"))
+    assert (keepout.name, keepout.type, keepout.speed_mps) == ("lawn", ZoneType.KEEPOUT, np.inf)
+    assert (slow.name, slow.type, slow.speed_mps) == ("ward", ZoneType.SPEED, 0.4)
+    x, y = np.array([0.5, 2.0, 5.0, -0.1, 3.5]), np.array([0.5, 2.0, 2.0, 2.0, 2.0])
+    assert keepout.contains(x, y).tolist() == [True, False, False, False, True]
+    assert slow.contains(x, y).tolist() == [True, True, False, False, True]
+
+
+def test_the_cells_of_a_zone() -> None:
+    triangle = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [0.0, 0.0]])
+    zone = Zone("corner", ZoneType.KEEPOUT, (triangle,), np.inf)
+    cells = zone.cells(Grid(0.5, -0.5, 0.0, np.full((4, 6), FREE, np.int8)))
+    assert cells.astype(int).tolist() == [
+        [0, 1, 1, 1, 0, 0],
+        [0, 1, 1, 0, 0, 0],
+        [0, 1, 0, 0, 0, 0],
+        [0, 0, 0, 0, 0, 0],
+    ]
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        (feature({"name": "lawn", "type": "forbidden"}), "features.0 'lawn' properties.type"),
+        (feature({"name": "lawn", "type": "speed"}), "speed_limit_mps belongs to zones of type speed"),
+        (feature({"name": "lawn", "type": "keepout", "speed_limit_mps": 0.5}), "speed_limit_mps belongs"),
+        (feature({"name": "lawn", "type": "speed", "speed_limit_mps": 0.01}), "properties.speed_limit_mps"),
+        (feature({"name": "", "type": "keepout"}), "properties.name"),
+        (feature({"name": "lawn", "type": "keepout", "colour": "red"}), "properties.colour"),
+        (feature({"name": "lawn", "type": "keepout"}, _SQUARE[:3]), "coordinates"),
+        (feature({"name": "lawn", "type": "keepout"}, _SQUARE[:4]), "each ring must end with its first position"),
+        (feature({"name": "lawn", "type": "keepout"}, [[135.5, 34.7, 1.0]] * 4), "coordinates"),
+        (feature({"name": "lawn", "type": "keepout"}, [["a", 0.0]] * 4), "coordinates"),
+        (feature({"name": "lawn", "type": "keepout"}, [[1e6, 0.0]] * 4), "coordinates"),
+        (feature({"name": "lawn", "type": "keepout"}, kind="LineString"), "geometry.type"),
+        (feature(None), "features.0 properties"),
+        ("lawn", "features.0"),
+    ],
+)
+def test_a_wrong_zone_is_named(tmp_path: Path, wrong: Any, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        read_zones(written(tmp_path, wrong))
+
+
+def test_two_zones_of_one_name(tmp_path: Path) -> None:
+    lawn = feature({"name": "lawn", "type": "keepout"})
+    with pytest.raises(ConfigError, match="unique name"):
+        read_zones(written(tmp_path, lawn, lawn))
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"type": "Topology", "features": []}', '{"type": "FeatureCollection"}'])
+def test_a_file_that_is_no_geojson(tmp_path: Path, text: str) -> None:
+    path = tmp_path / ZONES_FILE
+    path.write_text(text)
+    with pytest.raises(ConfigError, match=ZONES_FILE):
+        read_zones(path)
+
+
+def test_nan_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, feature({"name": "lawn", "type": "keepout"}))
+    path.write_text(path.read_text().replace("4.0", "NaN"))
+    with pytest.raises(ConfigError, match="coordinates"):
+        read_zones(path)
+
+
+def test_zones_lie_beside_the_map(tmp_path: Path) -> None:
+    assert load_zones("yard") == ()
+    folder = tmp_path / "yard"
+    shutil.copytree(map_folder("yard"), folder)
+    written(folder, feature({"name": "lawn", "type": "keepout"}))
+    assert [zone.name for zone in load_zones(str(folder))] == ["lawn"]
