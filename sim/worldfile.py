@@ -139,11 +139,24 @@ class Route(Config):
     points_m: Annotated[list[tuple[float, float]], Field(min_length=2)]
 
 
+class Charger(Config):
+    """Contacts in front of a station's board, which meet the robot's within tolerance_m and tolerance_deg.
+
+    base_x_m: base_link in the dock frame where they meet. power_w: with which they charge then.
+    """
+
+    base_x_m: Annotated[float, Field(lt=0.0)]
+    tolerance_m: Positive
+    tolerance_deg: Positive
+    power_w: Positive
+
+
 class WorldFile(Config):
     """Everything in one world file.
 
     wheelchair: where it stands; stations: marker boards on posts, by name. Both are poses of a dock frame: origin on
-    the ground under the board, x the way a robot approaches. surfaces: reflectivity (0-1) of single solids, by name.
+    the ground under the board, x the way a robot approaches. chargers: of stations, by their name.
+    surfaces: reflectivity (0-1) of single solids, by name.
     glass: names of walls and boxes that are panes to LiDARs; physics and cameras treat them as their own kind.
     """
 
@@ -164,6 +177,7 @@ class WorldFile(Config):
     routes: dict[str, Route] = {}
     wheelchair: Place | None = None
     stations: dict[str, Place] = {}
+    chargers: dict[str, Charger] = {}
 
     @model_validator(mode="after")
     def _names_are_unique(self) -> WorldFile:
@@ -175,6 +189,9 @@ class WorldFile(Config):
         persons = [person.name for person in self.people]
         if len(set(persons)) < len(persons):
             raise ValueError(f"people: names used twice among {', '.join(persons)}")
+        lost = sorted(set(self.chargers) - set(self.stations))
+        if lost:
+            raise ValueError(f"chargers: no station {', '.join(lost)}")
         unknown = sorted(set(self.surfaces) - set(names))
         if unknown:
             raise ValueError(f"surfaces: no solid {', '.join(unknown)}")

@@ -128,7 +128,7 @@ BATTERY_STATE = Topic(
     "sensor_msgs/msg/BatteryState",
     qos.STATUS,
     ("battery_driver", *_BATTERY_PORTS),
-    ("system_monitor", "safety_monitor", "mission_manager", "touch_ui"),
+    ("system_monitor", "safety_monitor", "mission_manager", "touch_ui", "docking_controller"),
     "48 V pack",
     rate_hz=1.0,
     stale_s=5.0,

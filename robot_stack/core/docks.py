@@ -52,9 +52,9 @@ class MarkerPlace(Config):
 
 
 class Board(Config):
-    """A dock's kind, the robot camera that observes it, and its markers."""
+    """A dock's kind, the robot camera that observes it, and its markers. A charger is a station that charges."""
 
-    kind: Literal["wheelchair", "station"]
+    kind: Literal["wheelchair", "station", "charger"]
     camera: Literal["front", "rear"]
     markers: Annotated[dict[MarkerId, MarkerPlace], Field(min_length=1)]
 
@@ -77,8 +77,8 @@ class Dock(Board):
 class DockPlace(Board):
     """One dock as in the file: its place, and where the robot's matching part stands when docked.
 
-    place: the dock frame in map. latch_x_m: the robot's latch, of a wheelchair; camera_x_m: the camera, of a station;
-    m in the dock frame.
+    place: the dock frame in map. latch_x_m: the robot's latch, of a wheelchair; camera_x_m: the camera, of a station
+    or charger; m in the dock frame.
     """
 
     place: Place
@@ -88,8 +88,9 @@ class DockPlace(Board):
     @model_validator(mode="after")
     def _says_where_the_robot_stands(self) -> DockPlace:
         by_latch, by_camera = self.latch_x_m is not None, self.camera_x_m is not None
-        if (by_latch, by_camera) != (self.kind == "wheelchair", self.kind == "station"):
-            raise ValueError("a wheelchair has latch_x_m, a station camera_x_m, and neither has the other")
+        wheelchair = self.kind == "wheelchair"
+        if (by_latch, by_camera) != (wheelchair, not wheelchair):
+            raise ValueError("a wheelchair has latch_x_m, a station or charger camera_x_m, and neither has the other")
         if self.kind == "wheelchair" and self.camera != "front":
             raise ValueError("a wheelchair is docked to by the front camera: the latch is at the robot's front")
         return self

@@ -157,7 +157,7 @@ def docking_problem(mission: Mission, docks: Mapping[str, str], passenger_attach
             if aboard or station:
                 held = f"docked to {station!r}" if station else "carrying a wheelchair"
                 return index, f"{where} docks to {dock_id!r}, but the robot is already {held} then: undock first"
-            aboard, station = docks[dock_id] == "wheelchair", dock_id if docks[dock_id] == "station" else ""
+            aboard, station = docks[dock_id] == "wheelchair", "" if docks[dock_id] == "wheelchair" else dock_id
         elif kind is Kind.UNDOCK:
             if not (aboard or station):
                 return index, f"{where} undocks, but no wheelchair is attached then and no dock precedes it"

@@ -126,6 +126,7 @@ class LatchParams(Config):
     """Closing and opening the latch."""
 
     confirm_timeout_s: Positive
+    charge_timeout_s: Positive
     learn_after_s: NotNegative
     learn_s: NotNegative
     learn_sightings: Annotated[int, Field(ge=1)]

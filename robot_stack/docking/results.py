@@ -25,6 +25,7 @@ class DockCode(IntEnum):
     CANCELED = 914
     DOCK_MOVED = 915
     CONTACT = 916
+    NOT_CHARGING = 917
     INTERNAL_ERROR = 999
 
 

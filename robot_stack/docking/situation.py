@@ -31,7 +31,8 @@ class Situation:
 
     now_s: ROS time. located: base_link in map, None while stale. odom, twist: base_link in odom now and its velocity,
     None while /odom is stale. images_fresh: detections arrive, from new images. force_n: the wheels' force
-    along base_link's x. navigation_served: a server offers navigate_to_pose.
+    along base_link's x. navigation_served: a server offers navigate_to_pose. charging: the battery is
+    being charged, or is full; False while unknown.
     """
 
     now_s: float
@@ -43,6 +44,7 @@ class Situation:
     latch: LatchInputs = field(default_factory=LatchInputs)
     force_n: float = math.nan
     navigation_served: bool = False
+    charging: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -67,7 +67,7 @@ def task_of(record: Record, docks: Mapping[str, str]) -> Task | None:
 def at_station(record: Record, docks: Mapping[str, str]) -> bool:
     """True if the mission has docked to a station and has not undocked yet."""
     done = [stop.action for stop in record.stops[: record.waypoint] if stop.action.kind in (Kind.DOCK, Kind.UNDOCK)]
-    return bool(done) and done[-1].kind is Kind.DOCK and docks.get(done[-1].dock_id) == "station"
+    return bool(done) and done[-1].kind is Kind.DOCK and docks.get(done[-1].dock_id) in ("station", "charger")
 
 
 @dataclass(frozen=True, slots=True)

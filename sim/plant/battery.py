@@ -40,13 +40,19 @@ class BatteryModel:
         self._loss_w_per_nm2[list(STEER_AXES)] = params.copper_loss_w_per_nm2.steer
         self.charge = params.initial_charge
         self._current_a = 0.0
-        self.charger_w = 0.0  # power of the charger; 0: none is connected
+        self.charger_w = 0.0  # power of a charger that is plugged in; 0: none
+        self.contacts_w = 0.0  # power by the charging contacts; 0: they touch nothing
 
     def draw(self, torques_nm: NDArray[np.float64], speeds_radps: NDArray[np.float64], duration_s: float) -> None:
         """``duration_s`` at the given motor torques and speeds, both (8,)."""
-        self._current_a = self._current(self.power_w(torques_nm, speeds_radps) - self.charger_w)
+        self._current_a = self._current(self.power_w(torques_nm, speeds_radps) - self.supply_w)
         left = self.charge - self._current_a * duration_s / (self._params.capacity_ah * _SECONDS_PER_HOUR)
         self.charge = min(1.0, max(0.0, left))
+
+    @property
+    def supply_w(self) -> float:
+        """Power into the pack, W, before the robot's own consumption. A full pack takes none."""
+        return self.charger_w + self.contacts_w
 
     def power_w(self, torques_nm: NDArray[np.float64], speeds_radps: NDArray[np.float64]) -> float:
         """Electrical power out of the pack, W; braking drives regenerate."""
@@ -72,7 +78,7 @@ class BatteryModel:
             charge=self.charge,
             charge_ah=self.charge * params.capacity_ah,
             temperature_c=params.temperature_c,
-            charging=self.charger_w > 0.0 and self._current_a < 0.0,
+            charging=self.supply_w > 0.0 and self._current_a < 0.0,
         )
 
     def _current(self, power_w: float) -> float:

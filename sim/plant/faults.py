@@ -123,6 +123,11 @@ def _charger(sim: Simulation, target: str, value: float | None) -> str:
     return f"a charger gives {sim.battery.charger_w:g} W"
 
 
+def _charger_dead(sim: Simulation, target: str, value: float | None) -> str:
+    sim.contacts.dead = value is not None
+    return "the charging contacts give no power"
+
+
 def _latch_stuck(sim: Simulation, target: str, value: float | None) -> str:
     sim.world.latch.stuck = value is not None
     return "the latch does not move"
@@ -211,6 +216,7 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     _row(_robot_moved, "displaces the robot by dx,dy,dyaw (m, degrees) in its own frame", None, lasts=False),
     _row(_process_killed, "SIGKILL to the process of a node", None, lasts=False),
     _row(_process_hang, "SIGSTOP to the process of a node; the world does not wait for it", None),
+    _row(_charger_dead, "the charging contacts of the stations give no power"),
     _row(_charger, "no fault: a charger is plugged", ONLY, ("power, W", 0.0, 5e3, 500.0)),
     _row(_wheelchair, "no fault: the wheelchair hangs on the latch at once", ONLY, ("passenger, kg", 0.0, 1e3, 0.0)),
 )

@@ -11,11 +11,13 @@ from robot_stack.contract import topics
 from robot_stack.core.robot import Robot
 from sim.params import SimParams
 from sim.plant.battery import BatteryModel
+from sim.plant.charging import ChargingContacts
 from sim.plant.fault_table import FaultRefused
 from sim.plant.imu import ImuModel, ImuSample
 from sim.plant.world import Setup, World
 
 _BATTERY_PERIOD_STEPS = 10
+_CONTACTS_PERIOD_STEPS = 100
 
 
 class Simulation:
@@ -32,6 +34,7 @@ class Simulation:
         period_steps = round(1.0 / (topics.IMU.nominal_rate_hz * dt_s))
         self.imu = ImuModel(params.imu, period_steps, dt_s, random, setup.inclination_wxyz())
         self.battery = BatteryModel(params.battery, np.random.default_rng(random.integers(2**63)))
+        self.contacts = ChargingContacts(setup.world)
         self.engine_cycle: Callable[[], None] = _no_engine
         self.engine_begin: Callable[[], None] = _no_engine
         self.engine_end: Callable[[], None] = _no_engine
@@ -61,6 +64,8 @@ class Simulation:
         world = self.world
         world.step()
         self.imu.measure(world.time_s, self._readings, self._orientation)
+        if world.steps % _CONTACTS_PERIOD_STEPS == 0:
+            self.battery.contacts_w = self.contacts.power_w(world.truth().pose())
         if world.steps % _BATTERY_PERIOD_STEPS == 0:
             speeds = world.joint_speeds_radps()
             self.battery.draw(world.drives.motor_torques_nm, speeds, _BATTERY_PERIOD_STEPS * world.dt_s)

@@ -7,13 +7,18 @@ simulated cameras.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
+from sensor_msgs.msg import BatteryState
 
-from robot_stack.contract import services
+from custom_msgs.action import Dock
+from robot_stack.contract import actions, services, topics
+from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
-from tests.simulated.stage import staged_before_chair
+from tests.simulated.stage import staged, staged_before_chair
 
+CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
 START = Pose2(0.2, 0.3, math.radians(10.0))
 
 
@@ -91,3 +96,38 @@ def test_a_latch_that_does_not_confirm_is_given_up_with_a_reason() -> None:
         stage.wait_stands(3.0)
         stage.wait_docking("FAILED", 2.0)
         assert stage.passenger.last.data is False
+
+
+CHARGER = "charger"
+
+
+def at_charger(*settings: str) -> Any:
+    """On the yard at the charger's staging pose, a little beside it."""
+    staging = load_docks().docks[CHARGER].staging.pose()
+    return staged("yard", *settings, start=staging.compose(Pose2(0.0, 0.1, 0.05)))
+
+
+def test_the_robot_docks_to_the_charger_and_its_battery_is_charged() -> None:
+    with at_charger() as stage:
+        battery = stage.listen(topics.BATTERY_STATE)
+        goal = stage.begin(actions.DOCK, Dock.Goal(dock_id=CHARGER))
+        battery.wait(lambda message: message.power_supply_status == CHARGING, "charging", 90.0)
+        result = goal.wait(5.0)
+        assert result.success, result.reason
+        assert battery.last.current > 1.0
+        begun = battery.last.percentage
+        stage.run(10.0)
+        assert battery.last.percentage > begun
+        result = stage.begin_undocking().wait(60.0)
+        assert result.success, result.reason
+        stage.run(3.0)
+        assert battery.last.power_supply_status != CHARGING
+
+
+def test_a_dead_charger_is_given_up_with_its_reason() -> None:
+    with at_charger("docking_controller.tries=1") as stage:
+        stage.inject("charger_dead")
+        result = stage.begin(actions.DOCK, Dock.Goal(dock_id=CHARGER)).wait(90.0)
+        assert (result.success, result.error_code) == (False, result.NOT_CHARGING)
+        assert "not charged" in result.reason
+        stage.wait_stands(3.0)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from nav_msgs.msg import Odometry
+from sensor_msgs.msg import BatteryState
 
 from custom_msgs.msg import ArucoDetectionArray, VelocityLimit
 from robot_stack.contract import topics
@@ -17,6 +18,9 @@ from robot_stack.docking.situation import Situation
 from robot_stack.middleware.conversions import pose_from_msg, time_to_s, twist_from_msg
 from robot_stack.middleware.node import StackNode
 
+# The charger of a full battery gives no current.
+_CHARGING = (BatteryState.POWER_SUPPLY_STATUS_CHARGING, BatteryState.POWER_SUPPLY_STATUS_FULL)
+
 
 class DockingInputs:
     """Subscriptions of the node ``docking_controller``. Odometry and markers go to the kernel at once."""
@@ -28,6 +32,7 @@ class DockingInputs:
         self._detections = node.subscribe(topics.ARUCO_DETECTIONS, self._on_detections)
         self._joints = node.subscribe(topics.JOINT_STATES)
         self._limit = node.subscribe(topics.VELOCITY_LIMIT)
+        self._battery = node.subscribe(topics.BATTERY_STATE)
 
     def _on_odometry(self, message: Odometry) -> None:
         pose, stamp_s = pose_from_msg(message.pose.pose), time_to_s(message.header.stamp)
@@ -60,6 +65,7 @@ class DockingInputs:
             latch=latch,
             force_n=wheel_force(self._joints.latest if self._joints.fresh() else None, node.robot.wheel_radius_m),
             navigation_served=navigation_served,
+            charging=self._battery.fresh() and self._battery.latest.power_supply_status in _CHARGING,
         )
 
     def _odometry(self, now_s: float) -> tuple[Pose2 | None, Twist2 | None]:

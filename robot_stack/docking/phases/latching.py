@@ -15,12 +15,14 @@ from robot_stack.docking.states import Trigger
 class Latching:
     """Closes the latch; without a confirmation opens it again, so that a retry does not push hooks into the dock.
 
-    A station has no latch: reaching the dock pose is enough. ``closed`` is True once the dock is held.
+    A station has no latch: reaching the dock pose is enough; of a charger the battery confirms the contact.
+    ``closed`` is True once the dock is held.
     """
 
     def __init__(self, dock: Dock, params: LatchParams) -> None:
         self._params = params
-        self._has_latch = dock.kind == "wheelchair"
+        self._kind = dock.kind
+        self._elapsed_s = 0.0
         self._closing: LatchMotion | None = None
         self._opening: LatchMotion | None = None
         self._failure: Failure | None = None
@@ -32,7 +34,9 @@ class Latching:
         return self._opening is not None
 
     def tick(self, view: View) -> Step:
-        if not self._has_latch:
+        if self._kind == "charger" and not view.situation.charging:
+            return self._wait_for_charge(view)
+        if self._kind != "wheelchair":
             self.closed = True
             return Step("docked", ZERO_TWIST)
         now_s, inputs = view.situation.now_s, view.situation.latch
@@ -47,6 +51,13 @@ class Latching:
         if self._failure is None:
             self._failure = Failure(DockCode.LATCH_FAILED, self._closing.problem(inputs))
         return self._open_again(view, self._failure)
+
+    def _wait_for_charge(self, view: View) -> Step:
+        self._elapsed_s += view.dt_s
+        if self._elapsed_s <= self._params.charge_timeout_s:
+            return Step("docked; waiting for the charge", ZERO_TWIST)
+        reason = f"the battery is not charged within {self._params.charge_timeout_s:g} s"
+        return Step(reason, ZERO_TWIST, Trigger.TRY_FAILED, Failure(DockCode.NOT_CHARGING, reason))
 
     def _open_again(self, view: View, failure: Failure) -> Step:
         now_s, inputs = view.situation.now_s, view.situation.latch

@@ -71,6 +71,7 @@ class Faults:
     quality: float = 0.999
     located: bool = True
     no_navigation: bool = False
+    no_charge: bool = False  # the charging contacts give no power
 
 
 @dataclass
@@ -179,6 +180,7 @@ class Bench:
             latch=LatchInputs() if f.latch_dead else self.inputs(),
             force_n=f.force_n,
             navigation_served=not f.no_navigation,
+            charging=not f.no_charge and math.hypot(self.error.x, self.error.y) < 0.02,
         )
 
     def inputs(self) -> LatchInputs:

@@ -192,6 +192,32 @@ def test_from_a_station_it_leaves_forwards_without_a_latch() -> None:
     assert {output.latch for output in bench.outputs} == {LatchCommand.HOLD}
 
 
+def test_a_charger_that_does_not_charge_is_left_and_tried_again() -> None:
+    bench = Bench("charger", start=Pose2(1.5, 0.0, 0.0))
+    bench.faults.no_charge = True
+    began(bench)
+    bench.run(lambda: bench.state is DockingState.DOCKED, 60.0)
+    assert bench.state is DockingState.DOCKED
+    begun_s = bench.now_s
+    bench.run(lambda: bench.state is not DockingState.DOCKED, 60.0)
+    assert bench.now_s - begun_s == pytest.approx(params().latch.charge_timeout_s, abs=0.1)
+    bench.faults.no_charge = False
+    result = bench.run_to_end()
+    assert result.success
+    assert result.tries == 2
+
+
+def test_a_charger_that_never_charges_is_a_failure_with_its_own_code() -> None:
+    bench = Bench("charger", start=Pose2(1.5, 0.0, 0.0))
+    bench.faults.no_charge = True
+    began(bench)
+    result = bench.run_to_end()
+    assert (result.code, result.tries) == (DockCode.NOT_CHARGING, params().tries)
+    assert "not charged within 10 s" in result.reason
+    assert bench.state is DockingState.FAILED
+    assert {output.latch for output in bench.outputs} <= {LatchCommand.HOLD, LatchCommand.OPEN}
+
+
 def test_a_latch_found_closed_means_a_passenger() -> None:
     bench = Bench()
     bench.latch_position = 8

@@ -24,7 +24,7 @@ from robot_stack.mission.states import AT_DOCK, UNDER_WAY, State
 
 TICK_S = 0.1
 DEPARTURE = load(DepartureParams, "departure")
-DOCKS = {"chair_1": "wheelchair", "charger": "station"}
+DOCKS = {"chair_1": "wheelchair", "charger": "charger"}
 STILL = Twist2(0.0, 0.0, 0.0)
 # The node's clock, unlike the steady time of a story: it stands still unless a test sets it.
 CLOCK_S = 1_700_000_000.0

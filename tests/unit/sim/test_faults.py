@@ -232,6 +232,13 @@ def test_a_charger_is_plugged_and_pulled(rig: Rig) -> None:
     assert not rig.sim.battery.read().charging
 
 
+def test_dead_charging_contacts_give_no_power(rig: Rig) -> None:
+    rig.faults.inject("charger_dead")
+    assert rig.sim.contacts.dead
+    rig.faults.inject("clear", "charger_dead")
+    assert not rig.sim.contacts.dead
+
+
 def test_wheelchair_fault_attaches_and_clear_detaches(rig: Rig) -> None:
     rig.faults.inject("wheelchair", value=100.0)
     rig.run(0.1)

@@ -62,7 +62,7 @@ def test_every_chance_is_a_fault_that_can_be_raised() -> None:
 
 def test_every_fault_of_the_world_is_drawn_but_for_what_people_do() -> None:
     drawn = {chance.kind for chance in CHANCES}
-    assert set(BY_NAME) - drawn == {"chair_moved", "robot_moved", "charger", "wheelchair"}
+    assert set(BY_NAME) - drawn == {"chair_moved", "robot_moved", "charger", "charger_dead", "wheelchair"}
     targets = {target for chance in CHANCES if chance.kind.startswith("edge_") for target in chance.targets}
     assert targets == {"front", "rear", "left", "right", "relay"}
 

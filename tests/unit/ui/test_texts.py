@@ -50,7 +50,7 @@ FAMILIES = {
     "docking.": {"front", "rear"},
     "presence.": {presence.value for presence in Presence},
     "step.": {kind.value for kind in mission.Kind},
-    "dock_kind.": {"wheelchair", "station"},
+    "dock_kind.": {"wheelchair", "station", "charger"},
     "event_state.": {state.value for state in EventState},
     "event_reason.": {
         black_box.EMERGENCY_STOP, black_box.SAFETY_SILENT, black_box.NODE_RESTARTED, black_box.INTERRUPTED,
