@@ -139,6 +139,12 @@ class Mission(Config):
         return str(getattr(self.name, language, self.name.en))
 
 
+def never_dockable(mission: Mission, docks: Mapping[str, str]) -> tuple[int, str] | None:
+    """As ``docking_problem``, if it is impossible both with and without a passenger at the start."""
+    problem = docking_problem(mission, docks, False)
+    return problem if problem is not None and docking_problem(mission, docks, True) is not None else None
+
+
 def docking_problem(mission: Mission, docks: Mapping[str, str], passenger_attached: bool) -> tuple[int, str] | None:
     """Index of the first waypoint whose docking, undocking or driving on is impossible, and a sentence for people.
 

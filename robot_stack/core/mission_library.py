@@ -10,8 +10,11 @@ from typing import Any
 from pydantic import ValidationError
 
 from robot_stack.core.config import ConfigError, config_dir, read_yaml
-from robot_stack.core.mission import Mission, docking_problem
+from robot_stack.core.mission import Mission, never_dockable
 from robot_stack.core.runtime import own_missions_dir
+
+# A longer value is not repeated in a problem.
+_LONGEST_VALUE = 100
 
 
 class MissionError(Exception):
@@ -86,8 +89,8 @@ def judge(data: Mapping[str, Any], docks: Mapping[str, str] | None = None) -> tu
         return None, [_problem(item, data) for item in found]
     if docks is None:
         return mission, []
-    undockable = docking_problem(mission, docks, False)
-    if undockable is None or docking_problem(mission, docks, True) is None:
+    undockable = never_dockable(mission, docks)
+    if undockable is None:
         return mission, []
     index, text = undockable
     field = ("waypoints", index, "action")
@@ -100,7 +103,9 @@ def _problem(item: Any, data: Mapping[str, Any]) -> Problem:
         return Problem(item["loc"], where, "is missing")
     if item["type"] == "extra_forbidden":
         return Problem(item["loc"], where, "is not a known field")
-    return Problem(item["loc"], where, f"{item['msg'].removeprefix('Value error, ')} (is {item['input']!r})")
+    found = repr(item["input"])
+    text = item["msg"].removeprefix("Value error, ")
+    return Problem(item["loc"], where, f"{text} (is {found})" if len(found) <= _LONGEST_VALUE else text)
 
 
 def _where(loc: tuple[str | int, ...], data: Mapping[str, Any]) -> str:
@@ -109,5 +114,7 @@ def _where(loc: tuple[str | int, ...], data: Mapping[str, Any]) -> str:
         return ".".join(str(part) for part in loc) or "(whole file)"
     _, index, *rest = loc
     entry = data["waypoints"][int(index)]
-    name = f" {entry['name']!r}" if isinstance(entry, dict) and isinstance(entry.get("name"), str) else ""
+    name = (
+        f" {entry['name'][:_LONGEST_VALUE]!r}" if isinstance(entry, dict) and isinstance(entry.get("name"), str) else ""
+    )
     return f"waypoint {int(index) + 1}{name}" + (f": {'.'.join(str(part) for part in rest)}" if rest else "")

@@ -7,7 +7,7 @@ from robot_stack.mission.states import TRANSITIONS, State, Trigger
 _MEANING = {
     State.IDLE: "no mission",
     State.RUNNING: "driving to a waypoint; the only state in which goals are sent",
-    State.WAITING: "standing at a waypoint for its waiting time",
+    State.WAITING: "standing at a waypoint for its waiting time, or at the end of an open route for its next part",
     State.DOCKING: "at a waypoint, the docking controller docks; shown as RUNNING in `/mission/status`, with the "
     "progress as the reason",
     State.UNDOCKING: "likewise, while it undocks",

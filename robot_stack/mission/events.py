@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.goals import NavigationEvent, SendGoal
-from robot_stack.core.mission import Kind, Mission
+from robot_stack.core.mission import Kind, Mission, Waypoint
 from robot_stack.core.mission_library import MissionError
-from robot_stack.mission.orders import WITH_ORDER, Operation, Order, Origin, QueueReport
+from robot_stack.mission import own_route
+from robot_stack.mission.orders import OF_ORIGIN, WITH_ORDER, Operation, Order, Origin, QueueReport
 from robot_stack.mission.record import Record
 
 START_MISSION = "START_MISSION"
@@ -81,8 +83,9 @@ def command(name: str, find: Callable[[], Mission]) -> Command:
 class EditQueue:
     """A request to change the queue. ADD and REPLACE carry the order with its mission, or the problem with it.
 
-    operation: None if there is no such operation. order_id: for REMOVE and MOVE. steps: for MOVE, negative = earlier.
-    origin: of the request; None if it is unknown.
+    operation: None if there is no such operation. order_id: except for ADD and REPLACE.
+    steps: for MOVE, negative = earlier. origin: of the request; None if it is unknown.
+    part, first, open: for EXTEND, the waypoints, the index of the first one in the route, and whether more may follow.
     """
 
     operation: Operation | None
@@ -91,6 +94,9 @@ class EditQueue:
     order_id: str = ""
     steps: int = 0
     origin: Origin | None = None
+    part: tuple[Waypoint, ...] = ()
+    first: int = 0
+    open: bool = False
 
 
 def edit_queue(
@@ -103,22 +109,36 @@ def edit_queue(
     priority: int,
     earliest_s: float,
     steps: int,
+    waypoints: Sequence[Mapping[str, Any]] = (),
+    first: int = 0,
+    more_follows: bool = False,
 ) -> EditQueue:
-    """find: returns the mission of an id; called for a new order only. A MissionError is the request's problem."""
+    """find: returns the mission of an id; called for a new order without waypoints.
+
+    A MissionError is the request's problem. waypoints: as in a mission file.
+    """
     try:
         asked = Operation(operation)
     except ValueError:
         return EditQueue(None, problem=f"there is no operation {operation}")
     origin_of = next((item for item in Origin if item.value == origin), None)
-    if asked not in WITH_ORDER:
+    if asked not in (*WITH_ORDER, *OF_ORIGIN):
         return EditQueue(asked, order_id=order_id, steps=steps, origin=origin_of)
     if origin_of is None:
         return EditQueue(asked, problem=f"there is no origin {origin[:64]!r}; known: {', '.join(Origin)}")
     try:
-        mission = find(mission_id)
+        if asked in OF_ORIGIN:
+            part = own_route.part_of(waypoints) if asked is Operation.EXTEND else ()
+            return EditQueue(asked, order_id=order_id, origin=origin_of, part=part, first=first, open=more_follows)
+        mission = own_route.own_mission(mission_id, waypoints) if waypoints else find(mission_id)
     except MissionError as error:
         return EditQueue(asked, problem=str(error))
-    order = Order(order_id, mission_id, origin_of, priority, earliest_s, mission=mission)
+    if more_follows and not waypoints:
+        return EditQueue(asked, problem="an open order carries its route: a mission file has no next part")
+    route = own_route.digest(mission) if waypoints else ""
+    order = Order(
+        order_id, mission_id, origin_of, priority, earliest_s, mission=mission, route=route, open=more_follows
+    )
     return EditQueue(asked, order, origin=origin_of)
 
 

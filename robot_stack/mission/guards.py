@@ -9,6 +9,8 @@ from robot_stack.core.geometry import Pose2
 from robot_stack.mission.events import Inputs
 
 _BATTERY_FAULTS = ("BATTERY_LOW", "BATTERY_CRITICAL")
+# People walk past a robot that stands.
+_PASSES_BY = frozenset({"COLLISION_IMMINENT"})
 
 
 def finite(pose: Pose2 | None) -> Pose2 | None:
@@ -28,6 +30,12 @@ def battery_low(inputs: Inputs, minimum: float) -> str:
 
 def battery_critical(inputs: Inputs) -> bool:
     return "BATTERY_CRITICAL" in inputs.faults
+
+
+def needs_a_person(inputs: Inputs) -> bool:
+    """Something happened to a robot that stands, so that only a person lets it go on."""
+    faults = set(stopping_faults(inputs)) - _PASSES_BY
+    return bool(faults) or battery_critical(inputs) or inputs.manual or not inputs.safety_known
 
 
 def lost(inputs: Inputs) -> bool:

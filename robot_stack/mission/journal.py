@@ -222,6 +222,8 @@ def _order_to_data(order: Order) -> dict[str, Any]:
         "earliest_s": order.earliest_s,
         "state": order.state.value,
         "mission": order.mission.model_dump(mode="json") if order.mission else None,
+        "route": order.route,
+        "open": order.open,
     }
 
 
@@ -234,6 +236,8 @@ def _order_from_data(data: dict[str, Any]) -> Order:
         earliest_s=float(data["earliest_s"]),
         state=OrderState(data["state"]),
         mission=Mission.model_validate(data["mission"]) if data["mission"] else None,
+        route=str(data.get("route", "")),  # journals from before own routes have none
+        open=bool(data.get("open", False)),
     )
 
 

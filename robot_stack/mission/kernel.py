@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from copy import copy
 from dataclasses import replace
 from enum import Enum
 
@@ -15,9 +16,9 @@ from robot_stack.contract.states import DOCKING, DockingState, HeldBy
 from robot_stack.core.departure import SETTING_OUT, Departure, DepartureParams
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.goals import NAVIGATION, NavigationGoals
-from robot_stack.core.mission import Kind, Mission, docking_problem
+from robot_stack.core.mission import Kind, Mission, docking_problem, never_dockable
 from robot_stack.core.safe_places import SafePlaces
-from robot_stack.mission import display, docking, guards, orders, route, status
+from robot_stack.mission import display, docking, guards, orders, own_route, route, status
 from robot_stack.mission import events as ev
 from robot_stack.mission.docking import DockingCalls
 from robot_stack.mission.events import (
@@ -46,7 +47,7 @@ from robot_stack.mission.orders import (
 )
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.record import Record, restored
-from robot_stack.mission.states import ACTIVE, AT_DOCK, UNDER_WAY, State, Trigger, target_of
+from robot_stack.mission.states import ACTIVE, AT_DOCK, STANDING, UNDER_WAY, State, Trigger, target_of
 
 # A tick may be late by this much and count in full; more is a clock jump or a stopped process.
 _LONGEST_STEP_S = 1.0
@@ -65,17 +66,19 @@ _HELD_AFTER = {
     State.STOPPED: HeldBy.EMERGENCY_STOP,
 }
 _CRITICAL = "the battery is critical"
+_LOST = "localization lost: check the pose on the map; RESUME goes on"
 _NO_SERVER = f"waiting for {NAVIGATION}"
 _EMERGENCY = "emergency stop is active: release it and reset the safety monitor first"
 
 
 class _Asker(Enum):
-    """The source of a change that is undone if it cannot be journaled."""
+    """The source of a change that is undone if it cannot be journaled, except for STOP."""
 
     NONE = 0
     COMMAND = 1
     EDIT = 2  # of the queue
     ORDER = 3  # the start of the next order
+    STOP = 4  # of the mission under way, by an edit of the queue
 
 
 class MissionKernel:
@@ -117,7 +120,10 @@ class MissionKernel:
         self._since_retry_s = 0.0
         self._answer = status.Answer()
         self._asker = _Asker.NONE
-        self._hold = Hold()
+        self._hold = self._hold_before = Hold()
+        # Not journaled: after a restart a pause belongs to nobody.
+        self._paused_by: Origin | None = None
+        self._paused_by_before: Origin | None = None
         self._ended_s = 0.0  # since the last mission ended
         self._rested_s = 0.0  # since then, without anything else that moves the robot or keeps it
         self._lost_s = 0.0  # for which localization has been lost
@@ -185,7 +191,7 @@ class MissionKernel:
             case ev.START_MISSION:
                 return self._start(command, inputs)
             case ev.PAUSE:
-                return self._stand(Trigger.PAUSE, "paused by command; RESUME goes on")
+                return self._pause()
             case ev.RESUME:
                 return self._resume(inputs)
             case ev.ABORT:
@@ -236,21 +242,35 @@ class MissionKernel:
         fresh = Record(record.state, mission, passenger_attached=aboard, start=start, queue=queue)
         return self._go(trigger, fresh)
 
+    def _pause(self) -> tuple[Effect, ...]:
+        reason = "paused by command; RESUME goes on"
+        if self._paused_by is None:
+            return self._stand(Trigger.PAUSE, reason)
+        # The robot stands already: the pause becomes that of a person.
+        self._paused_by, self._record = None, replace(self._record, reason=reason)
+        return ()
+
     def _resume(self, inputs: Inputs) -> tuple[Effect, ...]:
         if target_of(self._record.state, Trigger.RESUME) is None:
             return self._refuse(f"RESUME needs a paused mission, the state is {self._record.state.value}")
         problem = self._may_not_go(inputs) or self._may_not_resume(inputs)
-        if problem:
-            return self._refuse(problem)
+        return self._refuse(problem) if problem else self._resumed(inputs)
+
+    def _resumed(self, inputs: Inputs) -> tuple[Effect, ...]:
         if self._record.safe_place is not None:
             place = self._record.safe_place if guards.battery_critical(inputs) else None
             reason = self._record.reason if place else ""
-            return self._go(Trigger.RESUME, replace(self._record, failed_tries=0, safe_place=place), reason)
+            record = replace(self._record, failed_tries=0, safe_place=place)
+            if record.current is not None:
+                return self._go(Trigger.RESUME, record, reason)
+            return self._end(record, Trigger.RESUME_DONE, Trigger.RESUME_AWAITING)
+        if self._record.current is None:
+            return self._end(self._record, Trigger.RESUME_DONE, Trigger.RESUME_AWAITING)
         task = docking.task_of(self._record, self._docks) if self._record.docking_begun else None
         if task is None:
             return self._go(Trigger.RESUME, replace(self._record, failed_tries=0))
         if task.fulfilled(self._record.passenger_attached):
-            return self._next(inputs, Trigger.RESUME, Trigger.RESUME_DONE)
+            return self._next(inputs, Trigger.RESUME, Trigger.RESUME_DONE, Trigger.RESUME_AWAITING)
         return self._begin_docking(_RESUME_DOCKING[task.kind])
 
     def _may_not_resume(self, inputs: Inputs) -> str:
@@ -262,10 +282,10 @@ class MissionKernel:
             return f"{_CRITICAL}: charge the robot first"
         return ""
 
-    def _abort(self) -> tuple[Effect, ...]:
+    def _abort(self, trigger: Trigger = Trigger.ABORT, by: str = "command") -> tuple[Effect, ...]:
         aboard = self._record.passenger_attached
         note = "; the passenger stays attached until an operator decides" if aboard else ""
-        return self._stand(Trigger.ABORT, f"aborted by command{note}")
+        return self._stand(trigger, f"aborted by {by}{note}")
 
     def _refuse(self, why: str) -> tuple[Effect, ...]:
         self._answer = replace(self._answer, refusal=f"{self._answer.command} refused: {why}")
@@ -305,8 +325,9 @@ class MissionKernel:
     def _change(self, trigger: Trigger, record: Record, reason: str, *, goal_due: bool = False) -> SaveRecord:
         target = target_of(self._record.state, trigger)
         assert target is not None, f"{trigger} in {self._record.state}"
-        self._before = self._record
-        self._record = replace(record, state=target, reason=reason, queue=self._queue_in(target, record))
+        self._before, self._hold_before = self._record, copy(self._hold)
+        self._record = replace(record, state=target, reason=reason, queue=self._queue_in(trigger, target, record))
+        self._paused_by_before, self._paused_by = self._paused_by, None
         self._leg_before, self._leg = self._leg, Leg(self._params, goal_due=goal_due)
         self._departure.drop()
         self._held = ""
@@ -335,11 +356,14 @@ class MissionKernel:
             case Operation.ADD | Operation.REPLACE:
                 if request.order is None:
                     raise QueueRefusal(request.problem)
+                self._check_own_route(request.order)
                 known = queue.checked(request.order)
                 if known is not None and (request.operation is Operation.ADD or known.state is not OrderState.QUEUED):
                     return self._answer_known(request.operation, known)
                 if request.operation is Operation.REPLACE:
-                    return self._replace_mission(request.order, inputs)
+                    # The route of a waiting order may have been extended.
+                    order = known if known is not None and known.route else request.order
+                    return self._replace_mission(order, inputs)
                 queue = queue.added(request.order)
                 self._answer_edit(f"order {request.order.id!r} waits at place {queue.orders.index(request.order) + 1}")
                 return self._save_queue(queue)
@@ -363,6 +387,8 @@ class MissionKernel:
                     raise QueueRefusal(problem)
                 self._hold.release()
                 return self._answer_edit("orders start one after the other")
+            case _:
+                return self._edited_by_origin(request, inputs)
 
     def _answer_known(self, operation: Operation, known: Order) -> tuple[Effect, ...]:
         text = f"the order {known.id!r} is known, it is {known.state.name}"
@@ -376,9 +402,118 @@ class MissionKernel:
         return ()
 
     def _save_queue(self, queue: orders.OrderQueue) -> tuple[Effect, ...]:
-        self._before = self._record
-        self._record = replace(self._record, queue=queue)
+        return self._save_record(replace(self._record, queue=queue))
+
+    def _save_record(self, record: Record) -> tuple[Effect, ...]:
+        """Without a change of the state."""
+        self._before, self._leg_before = self._record, self._leg
+        self._record = record
         return (self._save(),)
+
+    def _check_own_route(self, order: Order) -> None:
+        """Raises QueueRefusal for a route that cannot be driven; a mission file is checked at its start."""
+        undockable = never_dockable(order.mission, self._docks) if order.route and order.mission else None
+        if undockable is not None:
+            raise QueueRefusal(undockable[1])
+
+    def _edited_by_origin(self, request: EditQueue, inputs: Inputs) -> tuple[Effect, ...]:
+        """A change of an order by its giver."""
+        if request.problem:
+            raise QueueRefusal(request.problem)
+        order = self._record.queue.owned(request.order_id, request.origin)
+        if request.operation is Operation.EXTEND:
+            return self._extend(order, request, inputs)
+        if request.operation is Operation.CANCEL and order.state is OrderState.QUEUED:
+            self._answer_edit(f"order {order.id!r} is removed")
+            return self._save_queue(self._record.queue.removed(order.id))
+        if request.operation is Operation.CANCEL and order.state in (OrderState.REMOVED, OrderState.ABORTED):
+            return self._answer_edit(f"the order {order.id!r} is {order.state.name}")
+        if order.state is not OrderState.UNDER_WAY:
+            raise QueueRefusal(f"the order {order.id!r} is {order.state.name}")
+        if request.operation is Operation.RESUME:
+            return self._resume_order(order, inputs)
+        if self.under_way and self._record.safe_place is not None:
+            raise QueueRefusal(
+                f"{_CRITICAL}: the robot drives to the safe place {self._record.safe_place.name!r} first"
+            )
+        return self._pause_order(order) if request.operation is Operation.PAUSE else self._cancel_order(order)
+
+    def _extend(self, order: Order, request: EditQueue, inputs: Inputs) -> tuple[Effect, ...]:
+        mission = self._record.mission if order.state is OrderState.UNDER_WAY else order.mission
+        if mission is None:
+            raise QueueRefusal(f"the order {order.id!r} is {order.state.name}")
+        longer = own_route.extended(mission, request.first, request.part)
+        self._answer_edit(f"the route of order {order.id!r} has {len(longer.waypoints)} waypoints")
+        if longer is mission and order.open == request.open:
+            return ()
+        if not order.open:
+            raise QueueRefusal(f"the route of order {order.id!r} is complete, it cannot be extended")
+        end = request.first + len(request.part)
+        if request.part and not request.open and end < len(longer.waypoints):
+            raise QueueRefusal(f"the route has {len(longer.waypoints)} waypoints, it cannot end with its first {end}")
+        changed = replace(order, open=request.open)
+        if order.state is OrderState.QUEUED:
+            undockable = never_dockable(longer, self._docks)
+            if undockable is not None:
+                raise QueueRefusal(undockable[1])
+            return self._save_queue(self._record.queue.with_changed(replace(changed, mission=longer)))
+        aboard = own_route.aboard_at_start(mission, self._record.passenger_attached)
+        undockable = docking_problem(longer, self._docks, aboard)
+        if undockable is not None:
+            raise QueueRefusal(undockable[1])
+        return self._go_further(
+            replace(self._record, mission=longer, queue=self._record.queue.with_changed(changed)), inputs
+        )
+
+    def _go_further(self, record: Record, inputs: Inputs) -> tuple[Effect, ...]:
+        """Goes on with the extended route of the mission under way, or ends it, if it waits for that."""
+        if not self._awaits_part:
+            return self._save_record(record)
+        if self._may_not_go(inputs):
+            raise QueueRefusal(self._may_not_go(inputs))
+        if record.current is not None:
+            return self._go(Trigger.EXTENDED, record)
+        return self._end(record, Trigger.DONE, Trigger.AWAIT_PART)
+
+    @property
+    def _awaits_part(self) -> bool:
+        """The robot stands at the end of an open route."""
+        return self._record.state is State.WAITING and self._record.current is None
+
+    def _pause_order(self, order: Order) -> tuple[Effect, ...]:
+        state = self._record.state
+        if self._paused_by is order.origin:
+            return self._answer_edit(f"order {order.id!r} is paused")
+        if target_of(state, Trigger.PAUSE) is None:
+            raise QueueRefusal(f"the mission is {state.value} already, only a person resumes it")
+        self._asker = _Asker.STOP
+        self._answer_edit(f"order {order.id!r} is paused")
+        effects = self._stand(Trigger.PAUSE, f"paused by {order.origin.text}; RESUME goes on")
+        self._paused_by = order.origin
+        return effects
+
+    def _resume_order(self, order: Order, inputs: Inputs) -> tuple[Effect, ...]:
+        if self.under_way:
+            return self._answer_edit(f"order {order.id!r} is under way")
+        if self._paused_by is not order.origin:
+            raise QueueRefusal(f"only a person resumes this mission: {self._record.reason}")
+        problem = self._may_not_go(inputs) or self._may_not_resume(inputs)
+        if problem:
+            raise QueueRefusal(problem)
+        self._answer_edit(f"order {order.id!r} is under way")
+        return self._resumed(inputs)
+
+    def _cancel_order(self, order: Order) -> tuple[Effect, ...]:
+        record = self._record
+        # Where a person was needed, or the robot may stand at a wheelchair, no order starts by itself.
+        look = record.docking_begun or (record.state in STANDING and self._paused_by is not order.origin)
+        self._asker = _Asker.STOP
+        self._answer_edit(f"order {order.id!r} is aborted")
+        effects = self._abort(Trigger.CANCEL, order.origin.text)
+        if look:
+            where = "while docking" if record.docking_begun else "in a pause that a person ends"
+            self._hold.hold(HeldBy.MISSION_ABORTED, f"the mission before was aborted by {order.origin.text} {where}")
+        return effects
 
     def _replace_mission(self, order: Order, inputs: Inputs) -> tuple[Effect, ...]:
         """Changes the destination of the ride: the order's mission in place of the present one."""
@@ -398,10 +533,10 @@ class MissionKernel:
         self._answer_edit(f"order {order.id!r} is under way")
         return self._begin(Trigger.REPLACE, order.mission, inputs, order)
 
-    def _queue_in(self, target: State, record: Record) -> orders.OrderQueue:
+    def _queue_in(self, trigger: Trigger, target: State, record: Record) -> orders.OrderQueue:
         """The queue in a new state of the mission; holds it where a person has to look first."""
-        held = _HELD_AFTER.get(target)
-        if target is State.COMPLETED and record.passenger_attached:
+        held = None if trigger is Trigger.CANCEL else _HELD_AFTER.get(target)
+        if (target is State.COMPLETED or trigger is Trigger.CANCEL) and record.passenger_attached:
             held = HeldBy.PASSENGER
         if held is not None:
             self._hold.hold(held)
@@ -452,7 +587,7 @@ class MissionKernel:
         return self._begin(Trigger.START, order.mission, inputs, order)
 
     def _report_queue(self) -> tuple[Effect, ...]:
-        report = QueueReport(self._record.queue, self._hold.by, self._hold.reason)
+        report = QueueReport(self._record.queue, self._hold.by, self._hold.reason, self._paused_by)
         if report == self._reported_queue:
             return ()
         self._reported_queue = report
@@ -470,11 +605,13 @@ class MissionKernel:
         if attached == self._record.passenger_attached:
             return ()
         self._record = replace(self._record, passenger_attached=attached)
+        self._paused_by = None
         if attached and self._record.state not in ACTIVE:
             self._hold.hold(HeldBy.PASSENGER)
         current = self._record.queue.current
-        ordered = current is not None and current.origin is Origin.FLEET and self._record.waypoint == 0
-        if attached and ordered and self._record.state is State.RUNNING and self._leg.goal_due:
+        ordered = current is not None and current.origin is Origin.FLEET
+        starts = self._awaits_part or (self._record.state is State.RUNNING and self._leg.goal_due)
+        if attached and ordered and starts:
             return self._stand(Trigger.PAUSE, "a passenger came aboard before the start; RESUME goes on")
         return (self._save(),)
 
@@ -483,8 +620,8 @@ class MissionKernel:
         self._reported_queue = None  # the report was dropped with the effects after the save
         if self._asker is _Asker.EDIT or (self._asker is not _Asker.NONE and self._moves_or_queues()):
             # Nothing has moved yet, because saving came first: the request is undone.
-            if self._before.mission is not self._record.mission:  # its goal was cancelled in the kernel's view only
-                self._leg = self._leg_before
+            if self._leg_before is not self._leg:  # its goal was cancelled in the kernel's view only
+                self._leg, self._hold, self._paused_by = self._leg_before, self._hold_before, self._paused_by_before
                 self._leg.goal_due = self._before.state is State.RUNNING
             self._record = replace(self._before, passenger_attached=self._record.passenger_attached)
             self._unsaved = self._was_unsaved
@@ -495,7 +632,9 @@ class MissionKernel:
         if self._record.state in UNDER_WAY:
             self._change(Trigger.JOURNAL_LOST, self._record, "paused; RESUME goes on once the journal can be written")
             effects = (CancelGoal(everything=True), *self._calls.drop())
-        self._unsaved, self._journal_problem = True, why
+        self._unsaved, self._journal_problem, self._paused_by = True, why, None
+        if self._asker is _Asker.STOP:
+            self.queue_answer = QueueAnswer(True, f"{self.queue_answer.message}; {why}")
         return effects
 
     def _moves_or_queues(self) -> bool:
@@ -506,7 +645,7 @@ class MissionKernel:
         match self._asker:
             case _Asker.EDIT:
                 self.queue_answer = QueueAnswer(False, why)
-                return ()
+                return () if self.under_way else self._calls.drop()
             case _Asker.ORDER:
                 self._hold.hold(HeldBy.JOURNAL, why)
                 return self._calls.drop()
@@ -522,6 +661,8 @@ class MissionKernel:
             self._announcements.say()  # from now on it is worth more to show that the robot drives
         self._lost_s = self._lost_s + dt_s if guards.lost(inputs) else 0.0
         self._watch_queue(inputs)
+        if guards.needs_a_person(inputs):
+            self._paused_by = None
         if self._in_emergency(inputs) and target_of(self._record.state, Trigger.EMERGENCY_STOP):
             return (*released, *self._emergency_stop())
         if self._record.state in AT_DOCK:
@@ -538,7 +679,7 @@ class MissionKernel:
         assert current is not None
         self._held = guards.held_in_ride(inputs)
         if self._lost_s >= self._params.localization_lost_s:
-            return self._stand(Trigger.LOST, "localization lost: check the pose on the map; RESUME goes on")
+            return self._stand(Trigger.LOST, _LOST)
         if guards.battery_critical(inputs) and self._record.safe_place is None:
             return self._to_safety(inputs)
         if self._leg.goal_due:
@@ -633,19 +774,34 @@ class MissionKernel:
 
     def _wait(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         current = self._record.current
-        assert current is not None
         if guards.battery_critical(inputs):
             return self._to_safety(inputs)
+        if current is None:
+            return self._stand(Trigger.LOST, _LOST) if self._lost_s >= self._params.localization_lost_s else ()
         self._leg.waited_s += dt_s
         return self._next(inputs) if self._leg.waited_s >= current.action.wait_s else ()
 
-    def _next(self, inputs: Inputs, onward: Trigger = Trigger.NEXT, done: Trigger = Trigger.DONE) -> tuple[Effect, ...]:
+    def _next(
+        self,
+        inputs: Inputs,
+        onward: Trigger = Trigger.NEXT,
+        done: Trigger = Trigger.DONE,
+        await_part: Trigger = Trigger.AWAIT_PART,
+    ) -> tuple[Effect, ...]:
         record = replace(self._record, waypoint=self._record.waypoint + 1, failed_tries=0, docking_begun=False)
         if record.current is None and self._should_go_home(inputs):
             record = replace(record, homeward=True)
         if record.current is not None:
             return self._go(onward, record)
-        return self._stand(done, "", record)
+        return self._end(record, done, await_part)
+
+    def _end(self, record: Record, done: Trigger, await_part: Trigger) -> tuple[Effect, ...]:
+        """At the end of the route: the mission is done, or waits for the next part."""
+        order = record.queue.current
+        if order is None or not order.open:
+            return self._stand(done, "", record)
+        reason = f"waiting for the next part of the route from {order.origin.text}"
+        return (CancelGoal(), self._change(await_part, replace(record, failed_tries=0), reason))
 
     def _should_go_home(self, inputs: Inputs) -> bool:
         record = self._record

@@ -30,6 +30,11 @@ class Origin(StrEnum):
     FLEET = "fleet"
     UI_COMMAND = "ui_command"
 
+    @property
+    def text(self) -> str:
+        """For people."""
+        return "the command line" if self is Origin.CLI else "the fleet" if self is Origin.FLEET else "the touch screen"
+
 
 class OrderState(IntEnum):
     """``MissionOrder.state``."""
@@ -51,9 +56,15 @@ class Operation(IntEnum):
     HOLD = 3
     RELEASE = 4
     REPLACE = 5
+    EXTEND = 6
+    CANCEL = 7
+    PAUSE = 8
+    RESUME = 9
 
 
 WITH_ORDER = (Operation.ADD, Operation.REPLACE)
+# Of an order of the request's own origin.
+OF_ORIGIN = (Operation.EXTEND, Operation.CANCEL, Operation.PAUSE, Operation.RESUME)
 
 
 class QueueRefusal(Exception):
@@ -66,6 +77,7 @@ class Order:
 
     id: chosen by who gives the order. mission: as it was when ordered; None once the order was started or removed.
     priority: [0, 255], higher is earlier. earliest_s: not before this time, 0 = at once.
+    route: digest of the route as it came with the order, empty for that of a mission file. open: it may be extended.
     """
 
     id: str
@@ -75,9 +87,11 @@ class Order:
     earliest_s: float = 0.0
     state: OrderState = OrderState.QUEUED
     mission: Mission | None = None
+    route: str = ""
+    open: bool = False
 
     def without_mission(self, state: OrderState) -> Order:
-        return replace(self, state=state, mission=None)
+        return replace(self, state=state, mission=None, open=self.open and state is OrderState.UNDER_WAY)
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +115,21 @@ class OrderQueue:
         everything = (*self.orders, *self.under_way, *self.ended)
         return next((order for order in everything if order.id == order_id), None)
 
+    def owned(self, order_id: str, origin: Origin | None) -> Order:
+        """The known order of this id. Raises QueueRefusal without one, and for that of another origin."""
+        order = self.known(order_id)
+        if order is None:
+            raise QueueRefusal(f"there is no order {order_id[:MAX_ID_LENGTH]!r}")
+        if order.origin is not origin:
+            raise QueueRefusal(f"the order {order_id!r} is from {order.origin.value}")
+        return order
+
+    def with_changed(self, order: Order) -> OrderQueue:
+        """With ``order`` in the place of the waiting one, or the one under way, of its id."""
+        if self.current is not None and self.current.id == order.id:
+            return replace(self, current=order)
+        return replace(self, orders=tuple(order if item.id == order.id else item for item in self.orders))
+
     def due(self, now_s: float) -> Order | None:
         """The first order whose time has come. None for a clock that is not known (NaN)."""
         return next((order for order in self.orders if order.earliest_s <= now_s), None)
@@ -119,6 +148,8 @@ class OrderQueue:
             raise QueueRefusal(
                 f"the id {order.id!r} belongs to an order of {known.mission_id!r} from {known.origin.value}"
             )
+        if known is not None and known.route != order.route:
+            raise QueueRefusal(f"the id {order.id!r} belongs to an order with another route")
         return known
 
     def added(self, order: Order) -> OrderQueue:
@@ -162,7 +193,7 @@ class OrderQueue:
         """With the order under way ended as ``state``; unchanged without one."""
         if self.current is None:
             return self
-        return replace(self, current=None, ended=_newest((*self.ended, replace(self.current, state=state))))
+        return replace(self, current=None, ended=_newest((*self.ended, self.current.without_mission(state))))
 
     def _index(self, order_id: str) -> int:
         for index, order in enumerate(self.orders):
@@ -188,17 +219,24 @@ def problem_of_queue(queue: OrderQueue, active: bool) -> str:
         return "an order without its mission"
     if queue.current is not None and not active:
         return f"order {queue.current.id!r} under way without a mission"
-    ids = [order.id for order in (*queue.orders, *queue.under_way, *queue.ended)]
+    everything = (*queue.orders, *queue.under_way, *queue.ended)
+    if any(order.open and not order.route for order in everything) or any(order.open for order in queue.ended):
+        return "an order is open that ended, or that has no route of its own"
+    ids = [order.id for order in everything]
     return "two orders with one id" if len(set(ids)) != len(ids) else ""
 
 
 @dataclass(frozen=True, slots=True)
 class QueueReport:
-    """Content of /mission/queue. reason: why no order starts, for people; empty = orders start."""
+    """Content of /mission/queue. reason: why no order starts, for people; empty = orders start.
+
+    paused_by: origin that paused the mission under way and may resume it; None = not paused, or only a person may.
+    """
 
     queue: OrderQueue
     held_by: HeldBy
     reason: str
+    paused_by: Origin | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,7 @@ from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import Action, Kind, Mission, Spot, Waypoint
 from robot_stack.core.safe_places import SafePlace
 from robot_stack.mission.orders import EMPTY_QUEUE, OrderQueue, problem_of_queue
-from robot_stack.mission.states import ACTIVE, State, Trigger, target_of
+from robot_stack.mission.states import ACTIVE, STANDING, State, Trigger, target_of
 
 HOME_NAME = "home"
 _SERVED_IN = {State.DOCKING: Kind.DOCK, State.UNDOCKING: Kind.UNDOCK}
@@ -19,7 +19,8 @@ class Record:
     """The mission manager's state as journaled.
 
     mission: as it was at its start, independent of its file; None in IDLE.
-    waypoint: index of the waypoint being driven to or served; equal to the number of stops once COMPLETED.
+    waypoint: index of the waypoint being driven to or served; equal to the number of stops once COMPLETED, and while an
+    open route has been driven to its present end.
     failed_tries: tries of this waypoint that made no progress.
     homeward: the way home follows the mission's own waypoints.
     start: pose at which the mission was started, map frame; None until a pose was known.
@@ -65,7 +66,8 @@ def problem_of(record: Record) -> str:
     """Why a record is invalid, empty if it is valid: an invalid journal is not used."""
     if record.state in ACTIVE and record.mission is None:
         return f"state {record.state.value} without a mission"
-    if record.state in ACTIVE and not 0 <= record.waypoint < len(record.stops):
+    last = len(record.stops) if _may_be_at_end(record) else len(record.stops) - 1
+    if record.state in ACTIVE and not 0 <= record.waypoint <= last:
         return f"waypoint {record.waypoint} of {len(record.stops)}"
     served = _SERVED_IN.get(record.state)
     if served is not None and (record.current is None or record.current.action.kind is not served):
@@ -75,13 +77,23 @@ def problem_of(record: Record) -> str:
     return problem_of_queue(record.queue, record.state in ACTIVE)
 
 
+def _may_be_at_end(record: Record) -> bool:
+    """All waypoints of an order's own route may be served: more may follow. Closed in a pause, it ends at RESUME."""
+    order = record.queue.current
+    if order is None:
+        return False
+    return order.open if record.state is State.WAITING else bool(order.route) and record.state in STANDING
+
+
 def restored(record: Record) -> Record:
     """The record after a restart: an active mission becomes PAUSED, one that ended is dropped."""
     if record.state not in ACTIVE:
         return Record(passenger_attached=record.passenger_attached, queue=record.queue)
     target = target_of(State.IDLE, Trigger.RESTORED)
     assert target is not None
-    name = record.current.name if record.current else ""
-    where = f"at {name!r}" if record.docking_begun else f"on the way to {name!r}"
+    if record.current is None:
+        where = "at the end of its open route"
+    else:
+        where = f"{'at' if record.docking_begun else 'on the way to'} {record.current.name!r}"
     reason = f"restarted while {record.state.value} {where}; RESUME goes on, ABORT ends the mission"
     return replace(record, state=target, reason=reason)

@@ -13,7 +13,7 @@ from robot_stack.core.transitions import Transition, rows, table_of
 class State(Enum):
     IDLE = "IDLE"  # no mission
     RUNNING = "RUNNING"  # driving to a waypoint
-    WAITING = "WAITING"  # standing at a waypoint for its waiting time
+    WAITING = "WAITING"  # standing at a waypoint for its waiting time, or at the end of an open route for its next part
     DOCKING = "DOCKING"  # at a waypoint whose dock is being docked to
     UNDOCKING = "UNDOCKING"  # at a waypoint where the robot is being undocked
     PAUSED = "PAUSED"  # standing until RESUME
@@ -27,7 +27,9 @@ class State(Enum):
 AT_DOCK = frozenset({State.DOCKING, State.UNDOCKING})
 # The mission may move the robot, or will without a further command.
 UNDER_WAY = frozenset({State.RUNNING, State.WAITING}) | AT_DOCK
-ACTIVE = UNDER_WAY | {State.PAUSED, State.STOPPED}
+# The mission goes on by RESUME only.
+STANDING = frozenset({State.PAUSED, State.STOPPED})
+ACTIVE = UNDER_WAY | STANDING
 
 
 class Trigger(Enum):
@@ -37,13 +39,17 @@ class Trigger(Enum):
     RESUME_DOCKING = "RESUME of a docking"
     RESUME_UNDOCKING = "RESUME of an undocking"
     RESUME_DONE = "RESUME after the last waypoint was served meanwhile"
+    RESUME_AWAITING = "RESUME at the end of an open route"
     ABORT = "ABORT"
+    CANCEL = "CANCEL by the order's origin"
     EMERGENCY_STOP = "emergency stop"
     WAIT_HERE = "waypoint with a waiting time reached"
     DOCK_HERE = "waypoint with a dock reached"
     UNDOCK_HERE = "waypoint to undock at reached"
     NEXT = "waypoint served, another follows"
     DONE = "last waypoint served"
+    AWAIT_PART = "last waypoint served, the route is open"
+    EXTENDED = "next part of the route received"
     TRY_FAILED = "no progress, tries left"
     GAVE_UP = "no progress, no tries left"
     DOCKING_FAILED = "docking or undocking failed"
@@ -68,13 +74,17 @@ TRANSITIONS: tuple[Transition[State, Trigger], ...] = (
     *rows(_STANDING, Trigger.RESUME_DOCKING, State.DOCKING),
     *rows(_STANDING, Trigger.RESUME_UNDOCKING, State.UNDOCKING),
     *rows(_STANDING, Trigger.RESUME_DONE, State.COMPLETED),
+    *rows(_STANDING, Trigger.RESUME_AWAITING, State.WAITING),
     *rows((*_MOVING, *_STANDING), Trigger.ABORT, State.ABORTED),
+    *rows((*_MOVING, *_STANDING), Trigger.CANCEL, State.ABORTED),
     *rows((*_MOVING, State.PAUSED), Trigger.EMERGENCY_STOP, State.STOPPED),
     *rows((State.RUNNING,), Trigger.WAIT_HERE, State.WAITING),
     *rows((State.RUNNING,), Trigger.DOCK_HERE, State.DOCKING),
     *rows((State.RUNNING,), Trigger.UNDOCK_HERE, State.UNDOCKING),
     *rows(_MOVING, Trigger.NEXT, State.RUNNING),
     *rows(_MOVING, Trigger.DONE, State.COMPLETED),
+    *rows(_MOVING, Trigger.AWAIT_PART, State.WAITING),
+    *rows((State.WAITING,), Trigger.EXTENDED, State.RUNNING),
     *rows((State.RUNNING,), Trigger.TRY_FAILED, State.RUNNING),
     *rows((State.RUNNING,), Trigger.GAVE_UP, State.FAILED),
     *rows(_DOCKING, Trigger.DOCKING_FAILED, State.FAILED),
@@ -84,7 +94,7 @@ TRANSITIONS: tuple[Transition[State, Trigger], ...] = (
     *rows((State.RUNNING, State.WAITING), Trigger.TO_SAFE_PLACE, State.RUNNING),
     *rows((State.RUNNING,), Trigger.SAFE_PLACE, State.PAUSED),
     *rows((State.RUNNING, State.WAITING), Trigger.NO_SAFE_PLACE, State.PAUSED),
-    *rows((State.RUNNING,), Trigger.LOST, State.PAUSED),
+    *rows((State.RUNNING, State.WAITING), Trigger.LOST, State.PAUSED),
 )
 
 _TABLE = table_of(TRANSITIONS)

@@ -43,7 +43,9 @@ def progress(record: Record, inputs: Inputs) -> float:
 def eta_s(record: Record, inputs: Inputs, mean_speed_mps: float, waited_s: float) -> float:
     """Time to the end of the mission from the length left, the mean speed and the waits; NaN while unknown."""
     pose = finite(inputs.pose)
-    if record.state not in UNDER_WAY or pose is None or not mean_speed_mps >= _SLOWEST_ETA_MPS:
+    if record.state not in UNDER_WAY or record.current is None or pose is None:
+        return math.nan
+    if not mean_speed_mps >= _SLOWEST_ETA_MPS:
         return math.nan
     waits_s = max(0.0, route.waiting_s(record.stops, record.waypoint) - waited_s)
     return route.remaining_m(pose, record.stops, record.waypoint) / mean_speed_mps + waits_s

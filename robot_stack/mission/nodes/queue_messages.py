@@ -7,9 +7,9 @@ from typing import Any
 
 from builtin_interfaces.msg import Time
 
-from custom_msgs.msg import MissionOrder, MissionQueue
+from custom_msgs.msg import MissionOrder, MissionQueue, MissionWaypoint
 from custom_msgs.srv import EditMissionQueue
-from robot_stack.core.mission import Mission
+from robot_stack.core.mission import Kind, Mission
 from robot_stack.middleware.conversions import time_from_s, time_to_s
 from robot_stack.mission.events import EditQueue, edit_queue
 from robot_stack.mission.orders import Order, QueueReport
@@ -27,7 +27,21 @@ def request_of(request: EditMissionQueue.Request, find: Callable[[str], Mission]
         priority=order.priority,
         earliest_s=time_to_s(order.earliest),
         steps=request.steps,
+        waypoints=[_waypoint(waypoint) for waypoint in request.waypoints],
+        first=request.first,
+        more_follows=order.open,
     )
+
+
+def _waypoint(message: MissionWaypoint) -> dict[str, Any]:
+    """As in a mission file. Only the fields of its action count."""
+    action: Any = message.action
+    match message.action:
+        case Kind.WAIT.value:
+            action = {message.action: message.wait_s}
+        case Kind.DOCK.value:
+            action = {message.action: message.dock_id}
+    return {"name": message.name, "x": message.x, "y": message.y, "yaw": message.yaw, "action": action}
 
 
 def report_message(report: QueueReport, stamp: Time) -> Any:
@@ -38,6 +52,7 @@ def report_message(report: QueueReport, stamp: Time) -> Any:
         orders=[_message(order) for order in queue.orders],
         current=[_message(order) for order in queue.under_way],
         ended=[_message(order) for order in queue.ended],
+        paused_by=report.paused_by.value if report.paused_by else "",
     )
     message.header.stamp = stamp
     return message
@@ -50,5 +65,6 @@ def _message(order: Order) -> MissionOrder:
         origin=order.origin.value,
         priority=order.priority,
         earliest=time_from_s(order.earliest_s),
+        open=order.open,
         state=order.state,
     )

@@ -12,11 +12,12 @@ from robot_stack.core.departure import DepartureParams
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.goals import GoalStatus, NavigationEnded, NavigationFeedback, SendGoal
 from robot_stack.core.mission import Kind, Mission
+from robot_stack.core.mission_library import MissionError
 from robot_stack.core.navigation_waits import load_navigation_waits
 from robot_stack.core.safe_places import SafePlaces
 from robot_stack.mission import events as ev
 from robot_stack.mission.kernel import MissionKernel
-from robot_stack.mission.orders import Operation, Order, Origin, QueueReport
+from robot_stack.mission.orders import Operation, Order, Origin, QueueAnswer, QueueReport
 from robot_stack.mission.params import MissionParams
 from robot_stack.mission.perform import JournalError, Performer
 from robot_stack.mission.record import Record
@@ -40,17 +41,32 @@ def load_params() -> MissionParams:
     return load(MissionParams, "mission_manager").with_waits(load_navigation_waits().longest_s)
 
 
-def make_mission(*actions, mission_id="ride", home=(0.0, 0.0, 0.0)) -> Mission:
-    """Returns a mission with waypoints w0, w1, ... at x = 2, 4, ... m, y = 0, yaw = 0."""
-    waypoints = [
+def waypoints_of(*actions, first=0) -> list[dict]:
+    """Waypoints w0, w1, ... at x = 2, 4, ... m, y = 0, yaw = 0, as in a mission file, from number ``first``."""
+    return [
         {"name": f"w{i}", "x": 2.0 * (i + 1), "y": 0.0, "yaw": 0.0, "action": action}
-        for i, action in enumerate(actions)
+        for i, action in enumerate(actions, first)
     ]
+
+
+def make_mission(*actions, mission_id="ride", home=(0.0, 0.0, 0.0)) -> Mission:
+    """Returns a mission with the waypoints of ``waypoints_of``."""
+    waypoints = waypoints_of(*actions)
     names = {"en": "Ride", "ja": "走行", "zh": "行驶"}
     x, y, yaw = home
     return Mission.model_validate(
         {"id": mission_id, "name": names, "home": {"x": x, "y": y, "yaw": yaw}, "waypoints": waypoints}
     )
+
+
+def _no_file(mission_id: str) -> Mission:
+    raise MissionError(f"there is no mission {mission_id!r}")
+
+
+def request(operation: int, order_id: str, waypoints=(), **fields) -> ev.EditQueue:
+    """As the service gets it, from the fleet unless another origin is given."""
+    given = {"mission_id": "tour", "origin": "fleet", "priority": 100, "earliest_s": 0.0, "steps": 0, **fields}
+    return ev.edit_queue(operation, _no_file, order_id=order_id, waypoints=waypoints, **given)
 
 
 class MemoryJournal:
@@ -189,6 +205,26 @@ class Story:
         mission = make_mission(*actions, mission_id=mission_id)
         origin = fields.pop("origin", Origin.FLEET)
         return self.edit(operation, Order(order_id, mission_id, origin, mission=mission, **fields))
+
+    def asks(self, operation: Operation, order_id: str = "a", waypoints=(), **fields) -> Story:
+        """A request as the service gets it, from the fleet unless another origin is given."""
+        return self.happens(request(operation, order_id, waypoints, **fields))
+
+    def brings(self, *actions, order_id: str = "a", more_follows: bool = True, **fields) -> Story:
+        """An order with its own route, which starts at once: the queue is released before."""
+        self.edit(Operation.RELEASE)
+        self.asks(Operation.ADD, order_id, waypoints_of(*actions), more_follows=more_follows, **fields)
+        assert self.answer.success, self.answer.message
+        return self.tick(self.params.next_order_after_s + 3.0)
+
+    def extends(self, *actions, first: int, more_follows: bool = True, **fields) -> Story:
+        return self.asks(
+            Operation.EXTEND, "a", waypoints_of(*actions, first=first), first=first, more_follows=more_follows, **fields
+        )
+
+    @property
+    def answer(self) -> QueueAnswer:
+        return self.kernel.queue_answer
 
     def waiting(self) -> list[str]:
         """The ids of the orders that wait."""

@@ -30,9 +30,9 @@ RIDE = make_mission("pass", {"wait": 2.5}, {"dock": "椅子_1"}, "undock", "park
 QUEUE = OrderQueue(
     orders=(
         Order("注文 1", "ride", Origin.FLEET, 200, 1.7e9, mission=RIDE),
-        Order("b", "ride", Origin.CLI, mission=RIDE),
+        Order("b", "ride", Origin.CLI, mission=RIDE, route="0a", open=True),
     ),
-    current=Order("a", "ride", Origin.TOUCH_SCREEN, state=OrderState.UNDER_WAY),
+    current=Order("a", "ride", Origin.TOUCH_SCREEN, state=OrderState.UNDER_WAY, route="1b", open=True),
     ended=(Order("z", "hop", Origin.UI_COMMAND, 0, state=OrderState.REMOVED),),
     number=7,
 )
@@ -99,6 +99,17 @@ def test_a_journal_from_before_the_queue_is_read(path):
         del data["queue"], data["safe_place"]
         connection.execute("UPDATE current SET record = ?", (json.dumps(data),))
     assert reopened(path) == replace(FULL, queue=OrderQueue(), safe_place=None)
+
+
+def test_a_journal_from_before_own_routes_is_read(path):
+    save(path, FULL)
+    with closing(sqlite3.connect(path)) as connection, connection:
+        data = json.loads(connection.execute("SELECT record FROM current").fetchone()[0])
+        for order in (*data["queue"]["orders"], data["queue"]["current"]):
+            del order["route"], order["open"]
+        connection.execute("UPDATE current SET record = ?", (json.dumps(data),))
+    queue = reopened(path).queue
+    assert [(order.route, order.open) for order in (*queue.orders, queue.current)] == 3 * [("", False)]
 
 
 def test_it_is_written_through_to_the_disk(path):
@@ -198,6 +209,9 @@ DAMAGES = {
         queue={**_queue_to_data(QUEUE), "orders": [_order_to_data(QUEUE.ended[0])]}
     ),
     "two orders with one id": with_record(queue={**_queue_to_data(QUEUE), "ended": [_order_to_data(QUEUE.current)]}),
+    "open without an own route": with_record(
+        queue={**_queue_to_data(QUEUE), "current": {**_order_to_data(QUEUE.current), "route": ""}}
+    ),
     "safe place without a pose": with_record(safe_place={"name": "base"}),
 }
 

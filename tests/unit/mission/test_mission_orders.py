@@ -587,7 +587,7 @@ def test_requests_from_the_wire(story):
     assert asked(0).order == Order("a", "other", Origin.FLEET, 7, 5.0, mission=OTHER)
     assert asked(2) == ev.EditQueue(Operation.MOVE, order_id="a", steps=-2, origin=Origin.FLEET)
     for request, why in (
-        (asked(6), "there is no operation 6"),
+        (asked(10), "there is no operation 10"),
         (asked(0, origin="stranger"), "there is no origin 'stranger'"),
         (asked(5, mission_id="nowhere"), "there is no mission 'nowhere'"),
     ):

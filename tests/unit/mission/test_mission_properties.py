@@ -15,7 +15,7 @@ from robot_stack.mission.orders import Operation, Order, Origin
 from robot_stack.mission.record import problem_of
 from robot_stack.mission.states import ACTIVE, AT_DOCK, UNDER_WAY, State, Trigger, target_of
 
-from .conftest import Story, load_params, make_mission
+from .conftest import Story, load_params, make_mission, request, waypoints_of
 
 PARAMS = load_params()
 DOCK = {"dock": "chair_1"}
@@ -79,9 +79,26 @@ requests = st.builds(
     order_id=st.integers(0, 5).map("order_{}".format),
     steps=st.integers(-2, 2),
 )
+own_requests = st.builds(
+    lambda operation, order_id, origin, actions, first, more_follows: request(
+        operation,
+        order_id,
+        waypoints_of(*actions, first=first if operation is Operation.EXTEND else 0),
+        origin=origin,
+        first=first,
+        more_follows=more_follows,
+    ),
+    st.sampled_from([*Operation, Operation.EXTEND, Operation.EXTEND, Operation.RELEASE]),
+    st.sampled_from(["order_0", "order_0", "order_0", "order_1"]),
+    st.sampled_from(["fleet", "fleet", "fleet", "cli"]),
+    st.lists(st.sampled_from(["pass", "park", {"wait": 0.2}, DOCK, "undock"]), max_size=3),
+    st.integers(0, 4),
+    st.booleans(),
+)
 happenings = st.one_of(
     commands,
     requests,
+    own_requests,
     st.just(ev.EditQueue(Operation.RELEASE)),
     st.builds(ev.EmergencyStopBegan),
     navigation,
@@ -140,7 +157,12 @@ def at_undock(story: Story) -> None:
     assert story.state is State.UNDOCKING
 
 
-openings = st.sampled_from([lambda story: None, at_dock, at_undock])
+def at_open_end(story: Story) -> None:
+    story.brings("pass", order_id="order_0").reach(2.0)
+    assert story.state is State.WAITING
+
+
+openings = st.sampled_from([lambda story: None, at_dock, at_undock, at_open_end])
 
 
 @settings(max_examples=300, deadline=None)
@@ -226,3 +248,53 @@ def test_an_order_that_was_accepted_is_known_after_a_power_loss(opening, script,
             accepted.add(event.order.id)
     kept = Story(PARAMS, story.journal.load()).kernel.record.queue
     assert all(kept.known(order_id) is not None for order_id in accepted)
+
+
+# --- orders with their own route -------------------------------------------------------------------------------------
+
+own_happenings = st.one_of(
+    own_requests,
+    own_requests,
+    st.sampled_from([ev.PAUSE, ev.RESUME, ev.ABORT, ev.EMERGENCY_STOP]).map(ev.Command),
+    st.sampled_from(
+        [
+            {"emergency_stop": True},
+            {"emergency_stop": False},
+            {"faults": ("BATTERY_LOW", "BATTERY_CRITICAL")},
+            {"faults": ()},
+        ]
+    ),
+    st.builds(ev.PassengerChanged, st.booleans()),
+    st.sampled_from(["on", "on", "restart"]),
+)
+
+
+def takes_place(story: Story, happening) -> Story:
+    match happening:
+        case "on":
+            place = story.kernel.record.current
+            return story.tick(15.0) if place is None else story.at(place.x).tick(3.0)
+        case "restart":
+            return Story(PARAMS, story.journal.load())
+        case dict():
+            return story.given(**happening).tick()
+    return story.happens(happening)
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.tuples(own_happenings, st.sampled_from(["", "", "", "full"])), max_size=20))
+def test_any_requests_leave_a_valid_record_and_a_refused_one_leaves_it_as_it_was(script):
+    story = Story(PARAMS).brings("pass", "pass", order_id="order_0")
+    for happening, problem in script:
+        story.journal.problem = problem
+        before, paused_by = story.kernel.record, story.queues[-1].paused_by
+        story = takes_place(story, happening)
+        record = story.kernel.record
+        assert problem_of(record) == ""
+        assert story.queues[-1].paused_by is None or story.state is State.PAUSED
+        if not isinstance(happening, ev.EditQueue):
+            continue
+        if not story.answer.success:
+            assert (record, story.queues[-1].paused_by) == (before, paused_by)
+        if happening.operation is Operation.RESUME and before.state in (State.PAUSED, State.STOPPED):
+            assert record.state is before.state or paused_by is happening.origin

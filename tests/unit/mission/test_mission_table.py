@@ -84,6 +84,10 @@ THEN: dict[Trigger, Step] = {
     Trigger.TO_SAFE_PLACE: lambda story: story.given(faults=("BATTERY_CRITICAL",)).tick(),
     Trigger.NO_SAFE_PLACE: lambda story: story.given(faults=("BATTERY_CRITICAL",)).tick(),
     Trigger.SAFE_PLACE: lambda story: story.reach(BASE.x),
+    Trigger.RESUME_AWAITING: lambda story: story.command(ev.RESUME),
+    Trigger.CANCEL: lambda story: story.asks(Operation.CANCEL, origin="cli"),
+    Trigger.AWAIT_PART: lambda story: story.reach(2.0).tick(2.5),
+    Trigger.EXTENDED: lambda story: story.extends("park", first=1, origin="cli"),
     Trigger.LOST: lambda story: story.given(faults=("LOCALIZATION_LOST",)).tick(story.params.localization_lost_s + 1.0),
 }
 
@@ -96,6 +100,18 @@ def stopped(dock: Step) -> Step:
     return way
 
 
+def ordered(*actions: object, then: Step = lambda story: None) -> Step:
+    """An open order under way, not of the fleet, which starts nothing with a passenger aboard."""
+
+    def way(story: DockStory) -> None:
+        if actions[0] == "undock":
+            story.attach()
+        story.brings(*actions, origin="cli")
+        then(story)
+
+    return way
+
+
 # Rows that need another way into their source state than the default.
 VIA: dict[tuple[State, Trigger], Step] = {
     (State.PAUSED, Trigger.RESUME_DOCKING): stopped_at(docking),
@@ -104,6 +120,22 @@ VIA: dict[tuple[State, Trigger], Step] = {
     (State.STOPPED, Trigger.RESUME_DOCKING): stopped(docking),
     (State.STOPPED, Trigger.RESUME_UNDOCKING): stopped(undocking),
     (State.STOPPED, Trigger.RESUME_DONE): stopped(docking),
+    (State.PAUSED, Trigger.RESUME_AWAITING): ordered("park", then=lambda story: story.reach(2.0).command(ev.PAUSE)),
+    (State.STOPPED, Trigger.RESUME_AWAITING): ordered(
+        "park", then=lambda story: story.reach(2.0).emergency(True).emergency(False)
+    ),
+    (State.RUNNING, Trigger.CANCEL): ordered("park"),
+    (State.WAITING, Trigger.CANCEL): ordered("park", then=lambda story: story.reach(2.0)),
+    (State.DOCKING, Trigger.CANCEL): ordered(DOCK, then=lambda story: story.arrive(2.0)),
+    (State.UNDOCKING, Trigger.CANCEL): ordered("undock", then=lambda story: story.arrive(2.0)),
+    (State.PAUSED, Trigger.CANCEL): ordered("park", then=lambda story: story.command(ev.PAUSE)),
+    (State.STOPPED, Trigger.CANCEL): ordered("park", then=lambda story: story.emergency(True)),
+    (State.RUNNING, Trigger.AWAIT_PART): ordered("park"),
+    (State.WAITING, Trigger.AWAIT_PART): ordered(WAIT, then=lambda story: story.reach(2.0)),
+    (State.DOCKING, Trigger.AWAIT_PART): ordered(DOCK, then=lambda story: story.arrive(2.0)),
+    (State.UNDOCKING, Trigger.AWAIT_PART): ordered("undock", then=lambda story: story.arrive(2.0)),
+    (State.WAITING, Trigger.EXTENDED): ordered("park", then=lambda story: story.reach(2.0)),
+    (State.WAITING, Trigger.LOST): ordered("park", then=lambda story: story.reach(2.0)),
     (State.RUNNING, Trigger.WAIT_HERE): lambda story: story.start(WAIT),
     (State.RUNNING, Trigger.DOCK_HERE): lambda story: story.start(DOCK),
     (State.RUNNING, Trigger.UNDOCK_HERE): lambda story: story.attach().start("undock"),
@@ -134,7 +166,7 @@ def test_every_row_is_walked(params, row):
     VIA.get((row.source, row.trigger), INTO[row.source])(story)
     assert story.state is row.source
     saved = len(story.journal.records)
-    served = SERVED.get(row.source) if row.trigger in (Trigger.NEXT, Trigger.DONE) else None
+    served = SERVED.get(row.source) if row.trigger in (Trigger.NEXT, Trigger.DONE, Trigger.AWAIT_PART) else None
     (served or THEN[row.trigger])(story)
     assert story.state is row.target
     if row.trigger is Trigger.JOURNAL_LOST:
