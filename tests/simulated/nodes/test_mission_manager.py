@@ -12,7 +12,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
-from custom_msgs.msg import MissionOrder, MissionQueue, RobotStatus, SafetyStatus, UICommand
+from custom_msgs.msg import MissionOrder, MissionQueue, MissionWaypoint, RobotStatus, SafetyStatus, UICommand
 from custom_msgs.srv import EditMissionQueue
 from robot_stack.contract import services, topics
 from robot_stack.contract.display import Display
@@ -541,3 +541,139 @@ def test_the_destination_changes_during_the_ride(world):
     world.goal(-3.0)
     assert world.status.last.mission_id == "short"
     assert world.navigation.ended == ["aborted"], "without a cancellation, which would stop the robot"
+
+
+# --- orders with their own route -------------------------------------------------------------------------------------
+
+
+def waypoint(name: str, x: float, action: str = "pass", **fields: Any) -> MissionWaypoint:
+    return MissionWaypoint(name=name, x=x, action=action, **fields)
+
+
+def fleet(world: World, operation: str, order_id: str = "a", *waypoints: MissionWaypoint, **fields: Any) -> Any:
+    """A request of the fleet with an open route, unless it is given otherwise."""
+    first = fields.pop("first", 0)
+    given = {"mission_id": "tour", "origin": MissionOrder.FLEET, "priority": 100, "open": True, **fields}
+    order = MissionOrder(id=order_id, **given)
+    code = getattr(EditMissionQueue.Request, operation)
+    request = EditMissionQueue.Request(operation=code, order=order, waypoints=waypoints, first=first)
+    return world.bench.call(services.EDIT_MISSION_QUEUE, request)
+
+
+def begin(world: World) -> None:
+    """The robot drives an open route to its first and last waypoint."""
+    world.launch()
+    assert edit(world, "RELEASE").success
+    assert fleet(world, "ADD", "a", waypoint("p0", 2.0)).success
+    world.bench.run(10.0)  # of next_order_after_s
+    world.goal(2.0)
+
+
+def test_an_open_route_is_extended_while_driving_and_while_waiting(world):
+    queue = world.bench.listen(topics.MISSION_QUEUE)
+    begin(world)
+    assert queue.wait(lambda q: q.current, "the order under way").current[0].open
+    assert fleet(world, "EXTEND", "a", waypoint("p1", 4.0), first=1).success
+    world.pose = Pose2(1.6, 0.0, 0.0)
+    world.goal(4.0)
+    assert world.navigation.ended == ["aborted"], "preempted, without a stop"
+    world.pose = Pose2(4.0, 0.0, 0.0)
+    status = world.state("WAITING")
+    assert status.reason == "waiting for the next part of the route from the fleet"
+    assert (status.mission_id, status.waypoints_completed, status.total_waypoints) == ("tour", 2, 2)
+    world.bench.run(30.0)
+    assert world.status.last.state == "WAITING"
+
+    saved = SqliteJournal(world.journal).load()
+    again = fleet(world, "EXTEND", "a", waypoint("p1", 4.0), first=1)
+    assert (again.success, SqliteJournal(world.journal).load()) == (True, saved)
+    last = waypoint("p2", 6.0, "wait", wait_s=0.5), waypoint("p3", 8.0, "park", yaw=0.5)
+    answer = fleet(world, "EXTEND", "a", *last, first=2, open=False)
+    assert (answer.success, answer.message) == (True, "the route of order 'a' has 4 waypoints")
+    assert SqliteJournal(world.journal).load().mission.waypoints[3].yaw == 0.5
+    world.goal(6.0)
+    world.pose = Pose2(6.0, 0.0, 0.0)
+    world.goal(8.0)
+    world.pose = Pose2(8.0, 0.0, 0.5)
+    world.state("COMPLETED")
+    ended = queue.wait(lambda q: q.ended, "its end").ended[0]
+    assert (ended.id, ended.mission_id, ended.state, ended.open) == ("a", "tour", MissionOrder.COMPLETED, False)
+
+
+@pytest.mark.parametrize(
+    ("waypoints", "fields", "why"),
+    [
+        ([waypoint("p", float("nan"))], {}, "waypoint 1 'p': x: Input should be a finite number (is nan)"),
+        ([waypoint("p", 1.0), waypoint("p", 2.0)], {}, "every waypoint needs a unique name: p is used more than once"),
+        ([waypoint("p", 1.0, "hover")], {}, "waypoint 1 'p': action: must be pass, park, undock"),
+        ([waypoint("p", 1.0, "wait", wait_s=1e6)], {}, "waypoint 1 'p': action.wait_s: Input should be less than"),
+        ([waypoint("p", 1.0, "dock", dock_id="chair_9")], {}, "waypoint 'p' of 'tour': there is no dock 'chair_9'"),
+        ([waypoint("p", 1.0)], {"mission_id": "Tour 1"}, "id: String should match pattern"),
+        ([], {"mission_id": "ride"}, "an open order carries its route"),
+        ([], {"mission_id": "tour"}, "there is no mission 'tour'"),
+    ],
+)
+def test_a_route_that_cannot_be_driven_is_refused(world, waypoints, fields, why):
+    world.launch()
+    answer = fleet(world, "ADD", "a", *waypoints, **fields)
+    assert not answer.success
+    assert why in answer.message
+
+
+def test_an_extension_that_does_not_fit_or_cannot_be_stored_changes_nothing(world):
+    begin(world)
+    kept = SqliteJournal(world.journal).load()
+    for waypoints, first in (([waypoint("p2", 6.0)], 2), ([waypoint("p0", 3.0)], 0), ([waypoint("p0", 2.0)], 1)):
+        assert not fleet(world, "EXTEND", "a", *waypoints, first=first).success
+    assert not fleet(world, "EXTEND", "a", waypoint("p1", 4.0), first=1, origin=MissionOrder.CLI).success
+    world.bench.devices.disk.full = True
+    assert "cannot be written" in fleet(world, "EXTEND", "a", waypoint("p1", 4.0), first=1).message
+    world.bench.devices.disk.full = False
+    assert SqliteJournal(world.journal).load() == kept
+    assert (world.status.last.state, world.status.last.total_waypoints) == ("RUNNING", 1)
+    assert fleet(world, "EXTEND", "a", waypoint("p1", 4.0), first=1).success
+    assert len(world.navigation.goals) == 1, "the ride went on"
+
+
+def test_the_fleet_pauses_resumes_and_cancels_its_order_and_a_person_takes_over(world):
+    queue = world.bench.listen(topics.MISSION_QUEUE)
+    begin(world)
+    assert fleet(world, "PAUSE").success
+    world.no_goal()
+    assert queue.wait(lambda q: q.paused_by, "who paused").paused_by == "fleet"
+    assert fleet(world, "RESUME").success
+    world.goal(2.0)
+    assert queue.last.paused_by == ""
+    assert fleet(world, "PAUSE").success
+    assert world.command("PAUSE").last_command_accepted
+    assert queue.last.paused_by == ""
+    assert "only a person resumes" in fleet(world, "RESUME").message
+    assert world.command("RESUME").state == "RUNNING"
+    world.goal(2.0)
+    assert not fleet(world, "CANCEL", origin=MissionOrder.TOUCH_SCREEN).success
+    for _ in range(2):
+        assert fleet(world, "CANCEL").success
+    assert world.status.last.state == "ABORTED"
+    world.no_goal()
+    assert queue.last.held_by == MissionQueue.NOTHING
+    assert fleet(world, "ADD", "b", waypoint("p0", 3.0)).success
+    world.bench.run(10.0)
+    world.goal(3.0)
+
+
+def test_sigkill_in_the_wait_for_the_next_part(world):
+    queue = world.bench.listen(topics.MISSION_QUEUE)
+    begin(world)
+    world.pose = Pose2(2.0, 0.0, 0.0)
+    world.state("WAITING")
+    assert fleet(world, "PAUSE").success
+    world.kill()
+    world.launch()
+    assert "at the end of its open route" in world.state("PAUSED").reason
+    assert queue.last.paused_by == ""
+    assert fleet(world, "EXTEND", "a", waypoint("p1", 4.0), first=1).success
+    assert "only a person resumes" in fleet(world, "RESUME").message
+    world.bench.run(20.0)
+    assert len(world.navigation.goals) == 1, "it never moves by itself"
+    assert world.command("RESUME").state == "RUNNING"
+    world.goal(4.0)

@@ -6,8 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from custom_msgs.msg import SafetyStatus, UICommand
-from robot_stack.contract import topics
+from custom_msgs.msg import MissionOrder, MissionWaypoint, SafetyStatus, UICommand
+from custom_msgs.srv import EditMissionQueue
+from robot_stack.contract import services, topics
 from robot_stack.core.geometry import ZERO_TWIST
 from tests.simulated.bench import Bench
 from tests.simulated.nodes.robot import BLIND, DrivenRobot
@@ -94,3 +95,50 @@ def test_killed_mission_manager_restarts_paused_at_standstill(yard: Yard) -> Non
     yard.wait_standstill()
     yard.command("RESUME")
     yard.completes()
+
+
+# --- an open route of the fleet --------------------------------------------------------------------------------------
+
+
+def fleet(yard: Yard, operation: str, *waypoints: tuple[str, float, float], first: int = 0, more: bool = True) -> None:
+    """waypoints: name, x, y; the robot passes them."""
+    order = MissionOrder(id="tour_1", mission_id="tour", origin=MissionOrder.FLEET, priority=100, open=more)
+    route = [MissionWaypoint(name=name, x=x, y=y, action="pass") for name, x, y in waypoints]
+    code = getattr(EditMissionQueue.Request, operation)
+    request = EditMissionQueue.Request(operation=code, order=order, waypoints=route, first=first)
+    answer = yard.bench.call(services.EDIT_MISSION_QUEUE, request)
+    assert answer.success, answer.message
+
+
+def test_an_open_route_is_driven_extended_paused_and_cancelled(yard: Yard) -> None:
+    released = EditMissionQueue.Request(operation=EditMissionQueue.Request.RELEASE)
+    released.order.origin = MissionOrder.CLI
+    assert yard.bench.call(services.EDIT_MISSION_QUEUE, released).success
+    fleet(yard, "ADD", ("a", 1.5, 0.0))
+    yard.bench.wait(lambda: yard.robot.pose.x > 0.5, "half a metre", 30.0)
+    fleet(yard, "EXTEND", ("b", 3.0, 0.0), first=1)
+    slowest_mps = 9.0
+    while yard.robot.pose.x < 2.0:
+        yard.bench.run(0.1)
+        slowest_mps = min(slowest_mps, yard.robot.twist.speed())
+    assert slowest_mps > 0.3, "it passes the waypoint that was the last one"
+
+    waits = yard.status.wait(lambda status: status.state == "WAITING", "the wait for the next part", 20.0)
+    assert "next part of the route" in waits.reason
+    assert abs(yard.robot.pose.x - 3.0) <= 0.05, "it comes to rest at a waypoint to pass"
+    yard.bench.run(15.0)
+    yard.wait_standstill()
+    fleet(yard, "EXTEND", ("c", 8.0, 0.0), first=2)
+    yard.bench.wait(lambda: yard.robot.pose.x > 3.4, "on the way to the next part", 10.0)
+
+    fleet(yard, "PAUSE")
+    yard.wait_standstill()
+    at = yard.robot.pose
+    yard.bench.run(5.0)
+    assert yard.robot.pose == at
+    fleet(yard, "RESUME")
+    yard.bench.wait(lambda: yard.robot.pose.x > at.x + 0.3, "on the way again", 10.0)
+    fleet(yard, "CANCEL")
+    yard.wait_standstill()
+    assert yard.status.last.state == "ABORTED"
+    assert yard.robot.pose.x < 7.5
