@@ -87,7 +87,10 @@ def print_queue(shown: Queue) -> None:
     for number, order in enumerate(shown.orders, 1):
         time = f", not before {datetime.fromtimestamp(order.earliest_s):%Y-%m-%d %H:%M:%S}" if order.earliest_s else ""
         place = "under way" if order.under_way else f"{number - shown.under_way}."
-        print(f"{place} {order.id}: {order.mission_id}, priority {order.priority}, from {order.origin}{time}")
+        more = ", open route" if order.open else ""
+        paused = f", paused by {shown.paused_by}" if order.under_way and shown.paused_by else ""
+        facts = f"priority {order.priority}, from {order.origin}{time}{more}{paused}"
+        print(f"{place} {order.id}: {order.mission_id}, {facts}")
     if not shown.orders:
         print("no orders")
 

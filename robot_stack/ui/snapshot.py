@@ -45,23 +45,28 @@ class Ride:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """earliest_s: Unix time, 0 = at once."""
+    """earliest_s: Unix time, 0 = at once. open: its route may be extended."""
 
     id: str
     mission_id: str
     origin: str
     priority: int
     earliest_s: float
+    open: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Queue:
-    """As in /mission/queue. held_by: name of a member of ``HeldBy``; current: the order under way."""
+    """As in /mission/queue. held_by: name of a member of ``HeldBy``; current: the order under way.
+
+    paused_by: origin that paused it and may resume it, empty if there is none.
+    """
 
     held_by: str
     reason: str
     orders: tuple[Order, ...]
     current: Order | None
+    paused_by: str = ""
 
 
 @dataclass(frozen=True, slots=True)

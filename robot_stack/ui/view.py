@@ -13,6 +13,7 @@ from robot_stack.ui.snapshot import Docking, Limit, Order, Queue, Ride, Safety, 
 Section = dict[str, Any]
 _PLAN_POINTS_MAX = 200
 _EMPTY = "BATTERY_CRITICAL"
+_FLEET = "fleet"  # MissionOrder.FLEET
 # Texts for a robot that stands because of its ride.
 _STANDS_BY_RIDE: dict[str, str] = {
     MissionState.PAUSED: "PAUSED",
@@ -101,10 +102,18 @@ def standing_reasons(snapshot: Snapshot) -> list[str]:
         return ["BY_HAND"]
     if snapshot.ride is None:
         return ["NO_MISSION_MANAGER"]
-    reason = _STANDS_BY_RIDE.get(snapshot.ride.state)
+    reason = _stands_by_ride(snapshot.ride, snapshot.queue)
     # It only limits the speed, but the mission manager pauses the ride for it.
     empty = snapshot.ride.state == MissionState.PAUSED and _EMPTY in snapshot.safety.faults
     return [*([_EMPTY] if empty else []), *([reason] if reason else [])]
+
+
+def _stands_by_ride(ride: Ride, queue: Queue | None) -> str | None:
+    if ride.state == MissionState.PAUSED and queue is not None and queue.paused_by == _FLEET:
+        return "PAUSED_BY_FLEET"
+    if ride.state == MissionState.WAITING and not ride.waypoint:
+        return "AWAITS_ROUTE"
+    return _STANDS_BY_RIDE.get(ride.state)
 
 
 def _held(safety: Safety, limit: Limit | None) -> list[str]:
@@ -166,13 +175,21 @@ def _ride(ride: Ride | None) -> Section:
 
 def _queue(queue: Queue | None) -> Section:
     if queue is None:
-        return {"known": False, "held_by": HeldBy.NOTHING.name, "reason": "", "orders": [], "current": None}
+        return {
+            "known": False,
+            "held_by": HeldBy.NOTHING.name,
+            "reason": "",
+            "orders": [],
+            "current": None,
+            "paused_by": "",
+        }
     return {
         "known": True,
         "held_by": queue.held_by,
         "reason": queue.reason[:300],
         "orders": [_order(order) for order in queue.orders],
         "current": _order(queue.current) if queue.current else None,
+        "paused_by": queue.paused_by,
     }
 
 
@@ -183,6 +200,7 @@ def _order(order: Order) -> Section:
         "origin": order.origin,
         "priority": order.priority,
         "earliest_s": _rounded(order.earliest_s, 0) or None,
+        "open": order.open,
     }
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from custom_msgs.msg import MissionOrder, MissionQueue
+from robot_stack.contract import topics
 from tests.support.ui_robot import StandInRobot
 from tests.support.waiting import wait_for
 from tests.ui.conftest import unlock, until
@@ -93,3 +95,31 @@ def test_a_rider_sees_a_hold_of_the_staff_and_cannot_end_it(page: Any) -> None:
     page.click("#to-staff")
     page.wait_for_selector('[data-page="destinations"] [data-held="STAFF"]')
     assert page.query_selector("#release") is None
+
+
+def test_a_fleet_s_open_route_and_pause_are_shown_and_a_rider_keeps_the_pause(page: Any, robot: StandInRobot) -> None:
+    current = MissionOrder(
+        id="a", mission_id="tour_7", origin=MissionOrder.FLEET, priority=100, open=True, state=MissionOrder.UNDER_WAY
+    )
+    robot.queue.current, robot.queue.held_by, robot.queue.paused_by = [current], MissionQueue.NOTHING, "fleet"
+    robot.peer.publish(topics.MISSION_QUEUE, robot.queue)
+    robot.say_ride(state="PAUSED", mission_id="tour_7", waypoints_completed=2, total_waypoints=5, current_waypoint="")
+    page.wait_for_selector('[data-reason="PAUSED_BY_FLEET"]')
+    page.click("#keep")
+    wait_for(lambda: "PAUSE" in robot.commands, f"the pause, received {robot.commands}")
+    robot.queue.paused_by = ""
+    robot.peer.publish(topics.MISSION_QUEUE, robot.queue)
+    page.wait_for_selector("#keep", state="detached")
+
+    robot.queue.paused_by = "fleet"
+    robot.peer.publish(topics.MISSION_QUEUE, robot.queue)
+    unlock(page)
+    page.click('[data-nav="missions"]')
+    page.wait_for_selector('[data-paused-by="fleet"]')
+    shown = page.inner_text("[data-current]")
+    assert "Under way: tour_7" in shown
+    assert "from the fleet · more of the route follows · 2 of 5 stops" in " ".join(shown.split())
+    assert "take the robot out of the fleet" in page.inner_text("#queue")
+    robot.say_ride(state="WAITING")
+    page.click("#to-staff")
+    page.wait_for_selector('[data-reason="AWAITS_ROUTE"]')

@@ -13,7 +13,7 @@ from robot_stack.middleware.conversions import time_from_s, time_to_s
 
 @dataclass(frozen=True, slots=True)
 class ShownOrder:
-    """earliest_s: Unix time, 0 = at once."""
+    """earliest_s: Unix time, 0 = at once. open: its route may be extended."""
 
     id: str
     mission_id: str
@@ -21,14 +21,19 @@ class ShownOrder:
     priority: int
     earliest_s: float
     under_way: bool
+    open: bool
 
 
 @dataclass(frozen=True, slots=True)
 class Queue:
-    """``/mission/queue`` as values: the order under way first. reason: why none starts, empty if they do."""
+    """``/mission/queue`` as values: the order under way first. reason: why none starts, empty if they do.
+
+    paused_by: origin that paused the one under way and may resume it, empty if there is none.
+    """
 
     reason: str
     orders: tuple[ShownOrder, ...]
+    paused_by: str
 
     @property
     def under_way(self) -> int:
@@ -42,7 +47,9 @@ def read_queue(timeout_s: float) -> Queue:
         message = operator.receive(topics.MISSION_QUEUE, timeout_s)
     if message is None:
         raise TimeoutError("no /mission/queue: is the stack running?")
-    return Queue(message.reason, tuple(_shown(order) for order in (*message.current, *message.orders)))
+    return Queue(
+        message.reason, tuple(_shown(order) for order in (*message.current, *message.orders)), message.paused_by
+    )
 
 
 def edit_queue(
@@ -71,4 +78,5 @@ def edit_queue(
 
 def _shown(order: MissionOrder) -> ShownOrder:
     under_way = order.state == MissionOrder.UNDER_WAY
-    return ShownOrder(order.id, order.mission_id, order.origin, order.priority, time_to_s(order.earliest), under_way)
+    earliest_s = time_to_s(order.earliest)
+    return ShownOrder(order.id, order.mission_id, order.origin, order.priority, earliest_s, under_way, order.open)

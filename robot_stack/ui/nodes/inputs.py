@@ -201,11 +201,11 @@ def _queue(m: Any) -> Queue | None:
         return None
     held_by = HeldBy(m.held_by) if m.held_by in set(HeldBy) else HeldBy.STAFF
     current = _order(m.current[0]) if m.current else None
-    return Queue(held_by.name, m.reason, tuple(_order(item) for item in m.orders), current)
+    return Queue(held_by.name, m.reason, tuple(_order(item) for item in m.orders), current, m.paused_by)
 
 
 def _order(m: Any) -> Order:
-    return Order(m.id, m.mission_id, m.origin, m.priority, time_to_s(m.earliest))
+    return Order(m.id, m.mission_id, m.origin, m.priority, time_to_s(m.earliest), m.open)
 
 
 def _docking(entry: Input) -> Docking | None:

@@ -91,15 +91,36 @@ def test_a_ride_paused_for_the_battery_says_so() -> None:
 
 
 def test_orders_are_told_with_their_times_and_what_holds_them() -> None:
-    waiting = Order("b", "tour", "fleet", 200, 1_700_000_000.4)
+    waiting = Order("b", "tour", "fleet", 200, 1_700_000_000.4, True)
     queue = Queue("BATTERY_LOW", "queue held: " + "x" * 999, (waiting,), Order("a", "hop", "cli", 100, 0.0))
     told = view.sections(replace(WELL, queue=queue))["queue"]
     assert (told["known"], told["held_by"], len(told["reason"])) == (True, "BATTERY_LOW", 300)
     assert told["orders"] == [
-        {"id": "b", "mission": "tour", "origin": "fleet", "priority": 200, "earliest_s": 1_700_000_000.0}
+        {
+            "id": "b",
+            "mission": "tour",
+            "origin": "fleet",
+            "priority": 200,
+            "earliest_s": 1_700_000_000.0,
+            "open": True,
+        }
     ]
-    assert told["current"]["earliest_s"] is None
+    assert (told["current"]["earliest_s"], told["current"]["open"], told["paused_by"]) == (None, False, "")
     assert view.sections(WELL)["queue"]["known"] is False
+
+
+@pytest.mark.parametrize(("paused_by", "reason"), [("fleet", "PAUSED_BY_FLEET"), ("cli", "PAUSED"), ("", "PAUSED")])
+def test_a_pause_of_the_fleet_says_so(paused_by: str, reason: str) -> None:
+    queue = Queue("NOTHING", "", (), Order("a", "tour", "fleet", 100, 0.0, True), paused_by)
+    paused = replace(WELL, ride=replace(RIDE, state="PAUSED"), queue=queue)
+    assert view.standing_reasons(paused) == [reason]
+    assert view.sections(paused)["queue"]["paused_by"] == paused_by
+
+
+@pytest.mark.parametrize(("waypoint", "reason"), [("", "AWAITS_ROUTE"), ("bench", "WAITING")])
+def test_the_wait_for_the_next_part_of_a_route_says_so(waypoint: str, reason: str) -> None:
+    waits = replace(WELL, ride=replace(RIDE, state="WAITING", waypoint=waypoint))
+    assert view.standing_reasons(waits) == [reason]
 
 
 def test_time_of_arrival_comes_in_steps() -> None:

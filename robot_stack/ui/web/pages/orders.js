@@ -19,7 +19,8 @@ function clock(seconds) {
 function facts(order) {
   const priority = order.priority === NORMAL ? [] : [t("queue.priority", { number: order.priority })];
   const time = order.earliest_s ? [t("queue.not_before", { time: clock(order.earliest_s) })] : [];
-  return [t(`origin.${order.origin}`), ...priority, ...time].join(" · ");
+  const open = order.open ? [t("queue.open")] : [];
+  return [t(`origin.${order.origin}`), ...priority, ...time, ...open].join(" · ");
 }
 
 export function OrderQueue({ link, state, say }) {
@@ -35,8 +36,11 @@ export function OrderQueue({ link, state, say }) {
     </div>
     <p role="status">${held ? t(`held.${queue.held_by}`) : t("queue.running")}
       ${held && queue.reason && html` <span class="code" lang="en">${queue.reason}</span>`}</p>
+    ${!held && html`<p>${t("queue.hold_hint")}</p>`}
     ${queue.current && html`<p data-current=${queue.current.id}>
-      <strong>${t("queue.current", { name: missionName(state, queue.current.mission) })}</strong> ${facts(queue.current)}</p>`}
+      <strong>${t("queue.current", { name: missionName(state, queue.current.mission) })}</strong> ${facts(queue.current)}
+      ${state.ride?.active && ` · ${t("rider.progress", { done: state.ride.completed, total: state.ride.total })}`}
+      ${queue.paused_by === "fleet" && html` <span data-paused-by="fleet">${t("reason.PAUSED_BY_FLEET")}</span>`}</p>`}
     ${!queue.orders.length && html`<p>${t("queue.empty")}</p>`}
     ${queue.orders.map((order, index) => html`<div class="tools" data-order=${order.id}>
       <span><strong>${index + 1}. ${missionName(state, order.mission)}</strong> ${facts(order)}</span>

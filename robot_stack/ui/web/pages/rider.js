@@ -42,7 +42,7 @@ function happensNow(state) {
   const docking = state.docking?.state;
   if (ride.state === "PAUSED") return t("rider.paused");
   if (["SEARCH", "SERVOING", "FINE_ALIGN"].includes(docking)) return t("rider.docking");
-  if (!ride.waypoint) return t("rider.under_way");
+  if (!ride.waypoint) return t(ride.state === "WAITING" ? "rider.stopover" : "rider.under_way");
   return t(ride.state === "WAITING" ? "rider.waiting" : "rider.to", { place: placeName(state, ride) });
 }
 
@@ -89,6 +89,8 @@ function Ride({ link, state, say }) {
           ${paused
             ? html`<button class="primary" id="resume" onClick=${() => ask("resume")}>${t("rider.resume")}</button>`
             : html`<button class="primary" id="pause" onClick=${() => ask("pause")}>${t("rider.pause")}</button>`}
+          ${paused && state.queue?.paused_by
+            && html`<button id="keep" onClick=${() => ask("pause")}>${t("rider.keep")}</button>`}
           <button id="abort" onClick=${() => setEnding(true)}>${t("rider.abort")}</button>
         </div>`}
   </section>`;
