@@ -32,6 +32,12 @@ def own_mission(mission_id: str, waypoints: Sequence[Mapping[str, Any]]) -> Miss
     return _ending(mission)
 
 
+def action_of(kind: str, wait_s: float, dock_id: str) -> Any:
+    """An action as in a mission file. Only the value that belongs to its kind counts."""
+    values = {Kind.WAIT.value: wait_s, Kind.DOCK.value: dock_id}
+    return {kind: values[kind]} if kind in values else kind
+
+
 def part_of(waypoints: Sequence[Mapping[str, Any]]) -> tuple[Waypoint, ...]:
     """The next part of a route, which may be empty. Raises MissionError as ``own_mission``."""
     return own_mission("part", waypoints).waypoints if waypoints else ()

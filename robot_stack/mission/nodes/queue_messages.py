@@ -9,8 +9,9 @@ from builtin_interfaces.msg import Time
 
 from custom_msgs.msg import MissionOrder, MissionQueue, MissionWaypoint
 from custom_msgs.srv import EditMissionQueue
-from robot_stack.core.mission import Kind, Mission
+from robot_stack.core.mission import Mission
 from robot_stack.middleware.conversions import time_from_s, time_to_s
+from robot_stack.mission import own_route
 from robot_stack.mission.events import EditQueue, edit_queue
 from robot_stack.mission.orders import Order, QueueReport
 
@@ -34,13 +35,7 @@ def request_of(request: EditMissionQueue.Request, find: Callable[[str], Mission]
 
 
 def _waypoint(message: MissionWaypoint) -> dict[str, Any]:
-    """As in a mission file. Only the fields of its action count."""
-    action: Any = message.action
-    match message.action:
-        case Kind.WAIT.value:
-            action = {message.action: message.wait_s}
-        case Kind.DOCK.value:
-            action = {message.action: message.dock_id}
+    action = own_route.action_of(message.action, message.wait_s, message.dock_id)
     return {"name": message.name, "x": message.x, "y": message.y, "yaw": message.yaw, "action": action}
 
 
