@@ -386,6 +386,30 @@ def test_lost_localization_in_the_wait_asks_a_person(story):
     refused(story, "only a person resumes", lambda story: story.asks(Operation.RESUME))
 
 
+def test_localization_lost_shortly_before_the_next_part_asks_a_person_too(story):
+    at_end(story).given(faults=("LOCALIZATION_LOST",)).tick(story.params.localization_lost_s - 2.0)
+    assert story.extends("park", first=2).answer.success
+    assert story.tick(1.0).state is State.RUNNING, "held by safety"
+    assert (story.tick(2.0).state, story.goal) == (State.PAUSED, None)
+
+
+def test_a_docking_that_was_done_in_a_pause_leads_to_the_wait(params):
+    for stand in (lambda s: s.command(ev.PAUSE), lambda s: s.emergency(True).emergency(False)):
+        story = DockStory(params)
+        at_a_chair(story)
+        stand(story)
+        story.ends(False, call=1).attach().command(ev.RESUME)
+        assert (story.state, AWAITS in story.status.reason) == (State.WAITING, True)
+
+
+def test_people_s_missions_and_changes_of_destination_in_the_wait(story):
+    at_end(story).command(ev.START_MISSION, make_mission("park", mission_id="other"))
+    assert (story.status.last_command_accepted, story.waiting()) == (True, ["start_1"])
+    story.order("b", "park", operation=Operation.REPLACE)
+    assert (story.answer.success, story.state, current(story)) == (True, State.RUNNING, "b")
+    assert state_of(story) is OrderState.ABORTED
+
+
 def test_a_critical_battery_in_the_wait_leads_to_the_safe_place(params):
     story = at_end(Story(params, safe_places=(SafePlace(name="porch", x=1.0, y=0.0, yaw=0.0),)))
     story.given(faults=CRITICAL).tick()
