@@ -442,28 +442,20 @@ class MissionKernel:
         mission = self._record.mission if order.state is OrderState.UNDER_WAY else order.mission
         if mission is None:
             raise QueueRefusal(f"the order {order.id!r} is {order.state.name}")
-        longer = own_route.extended(mission, request.first, request.part)
+        changed, longer = own_route.with_part(order, mission, request.first, request.part, more_follows=request.open)
         self._answer_edit(f"the route of order {order.id!r} has {len(longer.waypoints)} waypoints")
-        if longer is mission and order.open == request.open:
+        if changed is order and longer is mission:
             return ()
-        if not order.open:
-            raise QueueRefusal(f"the route of order {order.id!r} is complete, it cannot be extended")
-        end = request.first + len(request.part)
-        if request.part and not request.open and end < len(longer.waypoints):
-            raise QueueRefusal(f"the route has {len(longer.waypoints)} waypoints, it cannot end with its first {end}")
-        changed = replace(order, open=request.open)
         if order.state is OrderState.QUEUED:
-            undockable = never_dockable(longer, self._docks)
-            if undockable is not None:
-                raise QueueRefusal(undockable[1])
-            return self._save_queue(self._record.queue.with_changed(replace(changed, mission=longer)))
+            changed = replace(changed, mission=longer)
+            self._check_own_route(changed)
+            return self._save_queue(self._record.queue.with_changed(changed))
         aboard = own_route.aboard_at_start(mission, self._record.passenger_attached)
         undockable = docking_problem(longer, self._docks, aboard)
         if undockable is not None:
             raise QueueRefusal(undockable[1])
-        return self._go_further(
-            replace(self._record, mission=longer, queue=self._record.queue.with_changed(changed)), inputs
-        )
+        queue = self._record.queue.with_changed(changed)
+        return self._go_further(replace(self._record, mission=longer, queue=queue), inputs)
 
     def _go_further(self, record: Record, inputs: Inputs) -> tuple[Effect, ...]:
         """Goes on with the extended route of the mission under way, or ends it, if it waits for that."""

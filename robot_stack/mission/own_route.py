@@ -5,11 +5,12 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from robot_stack.core.mission import MAX_WAYPOINTS, Kind, Mission, Spot, Waypoint
 from robot_stack.core.mission_library import MissionError, judge
-from robot_stack.mission.orders import QueueRefusal
+from robot_stack.mission.orders import Order, QueueRefusal
 
 # An answer names this many problems of a route.
 _NAMED_PROBLEMS = 5
@@ -47,6 +48,24 @@ def digest(mission: Mission) -> str:
     """Identifies the route of a mission that is not kept."""
     content = json.dumps([waypoint.model_dump(mode="json") for waypoint in mission.waypoints], sort_keys=True)
     return hashlib.sha256(content.encode()).hexdigest()[:32]
+
+
+def with_part(
+    order: Order, mission: Mission, first: int, part: tuple[Waypoint, ...], *, more_follows: bool
+) -> tuple[Order, Mission]:
+    """The order and its mission with the next part of the route: themselves if nothing is new.
+
+    more_follows: the route stays open. Raises QueueRefusal for a closed route, and as ``extended``.
+    """
+    longer = extended(mission, first, part)
+    if longer is mission and order.open == more_follows:
+        return order, mission
+    if not order.open:
+        raise QueueRefusal(f"the route of order {order.id!r} is complete, it cannot be extended")
+    have, end = len(longer.waypoints), first + len(part)
+    if part and not more_follows and end < have:
+        raise QueueRefusal(f"the route has {have} waypoints, it cannot end with its first {end}")
+    return replace(order, open=more_follows), longer
 
 
 def extended(mission: Mission, first: int, part: tuple[Waypoint, ...]) -> Mission:
