@@ -1,0 +1,164 @@
+"""Whether an order or an update is taken over: the flow chart of figure 8 (VDA 5050 2.1.0, 6.6.2)."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import Final
+
+from robot_stack.contract.states import HeldBy
+from robot_stack.core.geometry import Pose2
+from robot_stack.fleet import progress
+from robot_stack.fleet.errors import ErrorType
+from robot_stack.fleet.order import Action, Node, Order
+from robot_stack.fleet.record import ActionState, GraphPart, OrderRecord, Phase, Record
+from robot_stack.fleet.robot import RobotView
+from robot_stack.fleet.vehicle import Vehicle, check, check_loads, start_problem, stops_of
+
+# Of one order with all its updates: they stay in the state until the next order.
+MAX_ACTIONS: Final = 500
+
+
+class Mode(StrEnum):
+    """``operatingMode``. Not used: SEMIAUTOMATIC, whose speed is that of a person, and TEACHIN."""
+
+    AUTOMATIC = "AUTOMATIC"
+    MANUAL = "MANUAL"
+    SERVICE = "SERVICE"
+
+
+def mode_of(robot: RobotView, order: OrderRecord | None) -> Mode:
+    """AUTOMATIC while the fleet's orders start, or one of them is under way."""
+    if robot.queue is None:
+        return Mode.SERVICE
+    part = order.part if order is not None else None
+    if robot.queue.held_by == HeldBy.MANUAL:
+        return Mode.MANUAL
+    if part is not None and robot.queue.current == part.id:
+        return Mode.AUTOMATIC
+    others = bool(robot.queue.current) or robot.mission_active
+    return Mode.SERVICE if robot.queue.held_by != HeldBy.NOTHING or others else Mode.AUTOMATIC
+
+
+def accepted(record: Record, order: Order, robot: RobotView, vehicle: Vehicle, now_s: float) -> Record:
+    """The record with ``order`` taken over, or itself for one that is known. Raises Refused."""
+    current = record.order
+    if current is None or current.id != order.id:
+        return _new(record, order, robot, vehicle, now_s)
+    if order.update_id < current.update_id:
+        text = f"orderUpdateId {order.update_id} is older than {current.update_id}, which is on the vehicle"
+        raise order.refused(ErrorType.ORDER_UPDATE, text)
+    if order.update_id == current.update_id:
+        return record
+    return _update(record, current, order, robot, vehicle)
+
+
+def _new(record: Record, order: Order, robot: RobotView, vehicle: Vehicle, now_s: float) -> Record:
+    current = record.order
+    if order.nodes[0].sequence_id != 0:
+        raise order.refused(ErrorType.VALIDATION, "the first node of a new order has the sequenceId 0")
+    if current is not None and current.under_way:
+        text = f"the order {current.id!r} is under way: update it, or cancel it first"
+        raise order.refused(ErrorType.ORDER, text, ("activeOrderId", current.id))
+    mode = mode_of(robot, current)
+    if mode is not Mode.AUTOMATIC:
+        reason = robot.queue.reason if robot.queue is not None else "the mission manager does not report"
+        hint = "staff release the queue on the touch screen or with: robot-stack mission queue release"
+        raise order.refused(ErrorType.ORDER, f"operating mode {mode}: {reason}", ("operatingMode", mode), hint=hint)
+    check(order, vehicle)
+    problem = start_problem(order.nodes[0], robot.pose if robot.localized else None, vehicle)
+    if problem:
+        raise order.refused(ErrorType.NO_ROUTE, problem, ("nodeId", order.nodes[0].id))
+    base = order.nodes[: order.base]
+    loaded = check_loads(order, _actions(base), robot.loaded)
+    check_loads(order, _actions(order.nodes[order.base :]), loaded)
+    _check_number(order, 0, order.actions)
+    start = robot.pose or Pose2(0.0, 0.0, 0.0)
+    first = base[0]
+    stops = stops_of(base, start, order.base == len(order.nodes), vehicle)
+    taken = OrderRecord(
+        id=order.id,
+        update_id=order.update_id,
+        nodes=_nodes(order.nodes),
+        edges=_edges(order),
+        decision=(base[-1].id, base[-1].sequence_id),
+        end=Pose2(stops[-1].x, stops[-1].y, stops[-1].yaw),
+        loaded=loaded,
+        actions=_states(order.nodes),
+        load_ids=_load_ids(base),
+        accepted_ms=round(now_s * 1e3),
+    )
+    record = record.model_copy(
+        update={"order": taken, "instant": tuple(one for one in record.instant if not one.status.ended)}
+    )
+    if not first.actions:  # the robot is there
+        record, taken = progress.traversed(record, taken, first.sequence_id)
+        stops = stops[1:]
+    return record.model_copy(update={"order": progress.with_stops(taken, stops)})
+
+
+def _update(record: Record, current: OrderRecord, order: Order, robot: RobotView, vehicle: Vehicle) -> Record:
+    if current.phase in (Phase.CANCELLING, Phase.CANCELLED, Phase.ABORTED):
+        how = "was cancelled" if current.phase is not Phase.ABORTED else f"has ended: {current.reason}"
+        raise order.refused(ErrorType.ORDER_UPDATE, f"the order {how}: send a new order")
+    first = order.nodes[0]
+    if (first.id, first.sequence_id) != current.decision:
+        node, number = current.decision
+        text = f"the update must begin with the last node of the base, {node!r} with sequenceId {number}"
+        raise order.refused(ErrorType.ORDER_UPDATE, text, ("nodeId", first.id))
+    check(order, vehicle)
+    base, horizon = order.nodes[1 : order.base], order.nodes[order.base :]
+    # The stitching node keeps the actions that it was first given.
+    loaded = check_loads(order, _actions(base), current.loaded)
+    check_loads(order, _actions(horizon), loaded)
+    kept = tuple(action for action in current.actions if action.node <= current.decision[1])
+    known = {action.id for action in kept} | {action.id for action in record.instant}
+    twice = [action.id for action in _actions((*base, *horizon)) if action.id in known]
+    if twice:
+        text = f"the actionId {twice[0]!r} is used already"
+        raise order.refused(ErrorType.ORDER_UPDATE, text, ("actionId", twice[0]))
+    _check_number(order, len(kept), _actions((*base, *horizon)))
+    stops = stops_of(base, current.end, not horizon, vehicle)
+    released = tuple(node for node in current.nodes if node.released)
+    last = order.nodes[order.base - 1]
+    taken = current.model_copy(
+        update={
+            "update_id": order.update_id,
+            "phase": Phase.ACTIVE,
+            "nodes": (*released, *_nodes((*base, *horizon))),
+            "edges": (*(edge for edge in current.edges if edge.released), *_edges(order)),
+            "decision": (last.id, last.sequence_id),
+            "end": Pose2(stops[-1].x, stops[-1].y, stops[-1].yaw) if stops else current.end,
+            "loaded": loaded,
+            "actions": (*kept, *_states((*base, *horizon))),
+            "load_ids": current.load_ids | _load_ids(base),
+        }
+    )
+    return record.model_copy(update={"order": progress.with_stops(taken, stops)})
+
+
+def _check_number(order: Order, before: int, actions: tuple[Action, ...]) -> None:
+    if before + len(actions) > MAX_ACTIONS:
+        text = f"more than {MAX_ACTIONS} actions in one order"
+        raise order.refused(ErrorType.ORDER, text, ("actions", str(before + len(actions))))
+
+
+def _actions(nodes: tuple[Node, ...]) -> tuple[Action, ...]:
+    return tuple(action for node in nodes for action in node.actions)
+
+
+def _nodes(nodes: tuple[Node, ...]) -> tuple[GraphPart, ...]:
+    return tuple(GraphPart(id=node.id, sequence_id=node.sequence_id, released=node.released) for node in nodes)
+
+
+def _edges(order: Order) -> tuple[GraphPart, ...]:
+    return tuple(GraphPart(id=edge.id, sequence_id=edge.sequence_id, released=edge.released) for edge in order.edges)
+
+
+def _states(nodes: tuple[Node, ...]) -> tuple[ActionState, ...]:
+    return tuple(
+        ActionState(id=action.id, type=action.type, node=node.sequence_id) for node in nodes for action in node.actions
+    )
+
+
+def _load_ids(nodes: tuple[Node, ...]) -> dict[str, str]:
+    return {action.id: action.parameters.get("loadId", "") for action in _actions(nodes) if action.type == "pick"}

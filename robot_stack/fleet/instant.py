@@ -1,0 +1,185 @@
+"""Instant actions (VDA 5050 2.1.0, 6.8 and 6.9): what each of them does at once, and what it waits for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.fleet.errors import Error, ErrorType, Refused
+from robot_stack.fleet.order import MAX_ID_LENGTH, Action
+from robot_stack.fleet.record import ActionState, Phase, Record, Status
+from robot_stack.fleet.robot import FLEET, RobotView
+from robot_stack.fleet.vehicle import Vehicle
+
+MAX_STATES: Final = 50
+_FARTHEST_M: Final = 10_000.0
+_LARGEST_YAW: Final = 3.1416
+
+# Named in the refusal; every other type is unknown.
+REFUSED: Final = {
+    "startCharging": "staff send the robot to the charger: a docked robot takes no orders",
+    "stopCharging": "staff undock the robot from the charger and release the queue",
+    "logReport": "the robot keeps the last minute before each fault by itself; staff fetch recordings",
+    "enableMap": "the map is chosen on the robot",
+    "downloadMap": "the map is installed on the robot",
+    "deleteMap": "the map is installed on the robot",
+}
+SUPPORTED: Final = (
+    "cancelOrder",
+    "startPause",
+    "stopPause",
+    "stateRequest",
+    "factsheetRequest",
+    "initPosition",
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Begun:
+    """After the start of an action. send_state, send_factsheet: requested. pose: to be set."""
+
+    record: Record
+    send_state: bool = False
+    send_factsheet: bool = False
+    pose: Pose2 | None = None
+
+
+def is_known(record: Record, action: Action) -> bool:
+    """The same actionId again is the same action."""
+    order = record.order
+    return any(one.id == action.id for one in (*record.instant, *(order.actions if order is not None else ())))
+
+
+def begin(record: Record, action: Action, robot: RobotView, vehicle: Vehicle) -> Begun:
+    """Raises Refused for an action that cannot be carried out; ``failed`` records it then."""
+    state = ActionState(id=action.id, type=action.type, status=Status.RUNNING)
+    begun = Begun(_with(record, state))
+    match action.type:
+        case "stateRequest":
+            return replace(begun, record=_with(record, _finished(state)), send_state=True)
+        case "factsheetRequest":
+            return replace(begun, record=_with(record, _finished(state)), send_factsheet=True)
+        case "cancelOrder":
+            return replace(begun, record=_cancel(record, state))
+        case "startPause":
+            if record.order is None or not record.order.under_way:
+                raise _refused(action, "there is no order to pause")
+            return begun
+        case "stopPause":
+            if robot.queue is None or robot.queue.paused_by != FLEET:
+                raise _refused(action, "the fleet has not paused the robot; a person's pause is ended by a person")
+            return begun
+        case "initPosition":
+            pose = _init_pose(action, robot, vehicle)
+            node = str(action.parameters["lastNodeId"])
+            done = _with(record, _finished(state)).model_copy(update={"last_node": node, "last_sequence_id": 0})
+            return replace(begun, record=done, pose=pose)
+        case _:
+            why = REFUSED.get(action.type, f"unknown; supported: {', '.join(SUPPORTED)}")
+            raise _refused(action, f"{action.type[:MAX_ID_LENGTH]}: {why}")
+
+
+def failed(record: Record, action: Action, why: str) -> Record:
+    return _with(record, ActionState(id=action.id, type=action.type, status=Status.FAILED, result=why))
+
+
+def cancelled_by_robot(record: Record, reason: str) -> Record:
+    """With the order under way to be cancelled, without an action of the master."""
+    order = record.order
+    if order is None or order.phase is not Phase.ACTIVE:
+        return record
+    cancelling = order.model_copy(update={"phase": Phase.CANCELLING, "reason": reason, "cancel_refused": False})
+    return record.model_copy(update={"order": cancelling})
+
+
+def updated(record: Record, robot: RobotView, standing: bool) -> Record:
+    """With the actions finished whose effect is there, and failed whose effect is impossible by now."""
+    order, paused_by = record.order, robot.queue.paused_by if robot.queue is not None else ""
+    under_way = order is not None and order.under_way
+    states = []
+    for state in record.instant:
+        if not state.status.ended:
+            match state.type:
+                case "cancelOrder" if not under_way and standing:
+                    state = _finished(state)
+                case "startPause" if paused_by == FLEET:
+                    state = _finished(state)
+                case "startPause" if not under_way:
+                    state = _failed(state, "the order ended before")
+                case "stopPause" if paused_by != FLEET:
+                    state = _finished(state)
+        states.append(state)
+    return _replaced(record, tuple(states))
+
+
+def refused_by_manager(record: Record, kind: str, why: str) -> Record:
+    """The mission manager has refused what the running actions of this kind ask for."""
+    states = (
+        _failed(state, why) if state.type == kind and not state.status.ended else state for state in record.instant
+    )
+    return _replaced(record, tuple(states))
+
+
+def wanted(record: Record) -> str:
+    """The type of the first action that the mission manager must carry out, empty without one."""
+    running = (state.type for state in record.instant if not state.status.ended)
+    return next((kind for kind in running if kind in ("startPause", "stopPause")), "")
+
+
+def _cancel(record: Record, state: ActionState) -> Record:
+    order = record.order
+    if order is None or not order.under_way:
+        text = "there is no order to cancel"
+        raise Refused(Error(ErrorType.NO_ORDER_TO_CANCEL, text, (("topic", "instantActions"), ("actionId", state.id))))
+    return cancelled_by_robot(_with(record, state), "")
+
+
+def _init_pose(action: Action, robot: RobotView, vehicle: Vehicle) -> Pose2:
+    values = action.parameters
+    missing = sorted({"x", "y", "theta", "mapId", "lastNodeId"} - values.keys())
+    if missing:
+        raise _refused(action, f"initPosition needs {', '.join(missing)}")
+    numbers = [values[key] for key in ("x", "y", "theta")]
+    if not all(map(_is_number, numbers)):
+        raise _refused(action, "x, y and theta must be numbers")
+    x, y, theta = map(float, numbers)
+    if max(abs(x), abs(y)) > _FARTHEST_M or abs(theta) > _LARGEST_YAW:
+        raise _refused(action, f"x and y are at most {_FARTHEST_M:.0f} m, theta is in [-pi, pi]")
+    if values["mapId"] != vehicle.map_id:
+        raise _refused(action, f"the map {str(values['mapId'])[:MAX_ID_LENGTH]!r} is not on the vehicle")
+    if not isinstance(values["lastNodeId"], str) or len(values["lastNodeId"]) > MAX_ID_LENGTH:
+        raise _refused(action, f"lastNodeId must be a string of at most {MAX_ID_LENGTH} characters")
+    if robot.mission is None or robot.mission_active:
+        raise _refused(action, "the pose is not set while a mission is under way")
+    if robot.loaded:
+        raise _refused(action, "the pose is not set with a wheelchair attached: staff set it on the touch screen")
+    return Pose2(x, y, theta)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _refused(action: Action, text: str) -> Refused:
+    return Refused(Error(ErrorType.INSTANT_ACTION, text, (("topic", "instantActions"), ("actionId", action.id))))
+
+
+def _finished(state: ActionState) -> ActionState:
+    return state.model_copy(update={"status": Status.FINISHED})
+
+
+def _failed(state: ActionState, why: str) -> ActionState:
+    return state.model_copy(update={"status": Status.FAILED, "result": why})
+
+
+def _replaced(record: Record, states: tuple[ActionState, ...]) -> Record:
+    return record if states == record.instant else record.model_copy(update={"instant": states})
+
+
+def _with(record: Record, state: ActionState) -> Record:
+    """Drops the oldest ended one if there are too many."""
+    states = [*record.instant, state]
+    while len(states) > MAX_STATES:
+        states.remove(next((one for one in states if one.status.ended), states[0]))
+    return record.model_copy(update={"instant": tuple(states)})

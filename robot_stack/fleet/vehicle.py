@@ -1,0 +1,242 @@
+"""What this robot can carry out of an order, and the order's base as waypoints of a mission.
+
+Positions in m, angles in rad, in the map.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final
+
+from robot_stack.core.geometry import Pose2
+from robot_stack.core.mission import MAX_WAYPOINTS, Kind
+from robot_stack.fleet.errors import ErrorType
+from robot_stack.fleet.order import Action, Edge, Node, Order, Position
+
+MAP_ID_KEY: Final = "nodePosition.mapId"
+LOAD_TYPE: Final = "wheelchair"
+LOAD_POSITION: Final = "front"
+_LONGEST_WAIT_S: Final = 86_400.0
+_FARTHEST_M: Final = 10_000.0  # of a coordinate, as in mission files
+_SAME_PLACE_M: Final = 1e-3
+# Fields of edges that say nothing about how this robot drives: it plans its paths itself.
+_WITHOUT_EFFECT: Final = frozenset({"length", "orientationType"})
+
+
+@dataclass(frozen=True, slots=True)
+class Vehicle:
+    """docks: kind of each dock by its id. Speeds of the empty robot.
+
+    start_m: of the first node without a deviation. pass_m, pass_rad, stand_m, stand_rad: within which the mission
+    manager takes a waypoint for reached, driving on or standing.
+    """
+
+    map_id: str
+    map_version: str
+    docks: dict[str, str]
+    max_speed_mps: float
+    max_yaw_rate_radps: float
+    height_m: float
+    start_m: float
+    pass_m: float
+    pass_rad: float
+    stand_m: float
+    stand_rad: float
+    max_actions_per_node: int
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """One waypoint. node: its sequence id. action: of the order, "" = arriving at the node."""
+
+    node: int
+    action: str
+    name: str
+    x: float
+    y: float
+    yaw: float
+    kind: Kind
+    wait_s: float = 0.0
+    dock_id: str = ""
+
+
+# --- actions ---------------------------------------------------------------------------------------------------------
+
+NODE_ACTIONS: Final = ("pick", "drop", "wait")
+_PARAMETERS: Final = {
+    "pick": ("stationName", "stationType", "loadType", "loadId", "lhd"),
+    "drop": ("stationName", "stationType", "loadType", "loadId", "lhd"),
+    "wait": ("duration",),
+}
+
+
+def _action_problem(action: Action, vehicle: Vehicle) -> tuple[str, str]:
+    """(name of the erroneous field, why it cannot be carried out); empty texts if it can."""
+    if action.type not in NODE_ACTIONS:
+        return (
+            "actionType",
+            f"the action {action.type!r} is not supported on nodes; supported: {', '.join(NODE_ACTIONS)}",
+        )
+    values = action.parameters
+    unknown = sorted(values.keys() - set(_PARAMETERS[action.type]))
+    if unknown:
+        return unknown[0], f"{action.type} has no parameter {unknown[0]!r} here"
+    if action.type == "wait":
+        duration: Any = values.get("duration")
+        if not _is_number(duration) or not 0.0 <= duration <= _LONGEST_WAIT_S:
+            return "duration", f"wait needs a duration of 0 to {_LONGEST_WAIT_S:.0f} s"
+        return "", ""
+    wrong = [key for key, value in values.items() if not isinstance(value, str)]
+    if wrong:
+        return wrong[0], f"{wrong[0]} must be a string"
+    if values.get("loadType", LOAD_TYPE) != LOAD_TYPE:
+        return "loadType", f"the only load is a {LOAD_TYPE!r}"
+    if values.get("lhd", LOAD_POSITION) != LOAD_POSITION:
+        return "lhd", f"the only load handling device is {LOAD_POSITION!r}"
+    if action.type == "pick":
+        dock = values.get("stationName", "")
+        chairs = sorted(name for name, kind in vehicle.docks.items() if kind == "wheelchair")
+        if dock not in chairs:
+            return "stationName", f"pick needs the stationName of a wheelchair dock, {dock!r} is none; known: {chairs}"
+    return "", ""
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+# --- fields ----------------------------------------------------------------------------------------------------------
+
+
+def check(order: Order, vehicle: Vehicle) -> None:
+    """Base and horizon alike. Raises Refused (orderError) with the field that cannot be used."""
+    if order.zone_set:
+        raise order.refused(ErrorType.ORDER, "zones are not supported", ("zoneSetId", order.zone_set))
+    if len(order.nodes) > MAX_WAYPOINTS:
+        text = f"{len(order.nodes)} nodes, at most {MAX_WAYPOINTS} in one message"
+        raise order.refused(ErrorType.ORDER, text, ("nodes", str(len(order.nodes))))
+    for edge in order.edges:
+        field, text = _edge_problem(edge, vehicle)
+        if field:
+            raise order.refused(ErrorType.ORDER, text, ("edgeId", edge.id), (f"edge.{field}", _shown(edge, field)))
+    for node in order.nodes:
+        field, text = _node_problem(node, vehicle)
+        if field:
+            raise order.refused(ErrorType.ORDER, text, ("nodeId", node.id), ("field", field))
+        for action in node.actions:
+            field, text = _action_problem(action, vehicle)
+            if field:
+                named = (("nodeId", node.id), ("actionId", action.id), ("field", field))
+                raise order.refused(ErrorType.ORDER, text, *named)
+
+
+def _shown(edge: Edge, field: str) -> str:
+    value = edge.fields.get(field, "")
+    return "object" if isinstance(value, dict) else str(value)
+
+
+def _edge_problem(edge: Edge, vehicle: Vehicle) -> tuple[str, str]:
+    """(name of the erroneous field, why it cannot be used); empty texts if all can."""
+    if edge.actions:
+        return "actions", f"actions on edges are not supported: {edge.actions[0].type!r}"
+    enough = {
+        "maxSpeed": vehicle.max_speed_mps,
+        "maxRotationSpeed": vehicle.max_yaw_rate_radps,
+        "maxHeight": vehicle.height_m,
+    }
+    for field, value in edge.fields.items():
+        if field in enough:
+            if value < enough[field]:
+                return field, f"{field} {value} cannot be kept: it is {enough[field]} on every edge"
+        elif field not in _WITHOUT_EFFECT and (field, value) != ("rotationAllowed", True):
+            return field, f"the field {field} of edges is not supported"
+    return "", ""
+
+
+def _node_problem(node: Node, vehicle: Vehicle) -> tuple[str, str]:
+    position = node.position
+    if position is None:
+        return "nodePosition", "every node needs its nodePosition: the robot plans its paths itself"
+    if position.map_id != vehicle.map_id:
+        return MAP_ID_KEY, f"the map {position.map_id!r} is not on the vehicle, which has {vehicle.map_id!r}"
+    if max(abs(position.x), abs(position.y)) > _FARTHEST_M:
+        return "nodePosition", f"the position is farther than {_FARTHEST_M:.0f} m from the map's origin"
+    if 0.0 < position.deviation_m < vehicle.stand_m:
+        return "allowedDeviationXY", f"the robot stops within {vehicle.stand_m} m, not tighter"
+    if position.theta is not None and 0.0 < position.deviation_rad < vehicle.stand_rad:
+        return "allowedDeviationTheta", f"the robot stops within {vehicle.stand_rad} rad, not tighter"
+    if len(node.actions) > vehicle.max_actions_per_node:
+        return "actions", f"{len(node.actions)} actions, at most {vehicle.max_actions_per_node} on one node"
+    return "", ""
+
+
+def check_loads(order: Order, actions: tuple[Action, ...], loaded: bool) -> bool:
+    """Whether a wheelchair is attached after ``actions`` that begin with one if ``loaded``.
+
+    Raises Refused (orderError) for a pick while carrying one, and for a drop without.
+    """
+    for action in actions:
+        if action.type == "pick" and loaded:
+            raise order.refused(ErrorType.ORDER, "pick with a wheelchair attached: drop first", ("actionId", action.id))
+        if action.type == "drop" and not loaded:
+            raise order.refused(ErrorType.ORDER, "drop without a wheelchair attached", ("actionId", action.id))
+        loaded = action.type == "pick" or (loaded and action.type != "drop")
+    return loaded
+
+
+# --- route -----------------------------------------------------------------------------------------------------------
+
+
+def stops_of(nodes: tuple[Node, ...], before: Pose2, ends: bool, vehicle: Vehicle) -> tuple[Stop, ...]:
+    """The waypoints of released nodes. before: where the robot comes from. ends: the route ends with the last node.
+
+    A node with actions is reached standing, then each of its actions is a waypoint at the same pose.
+    """
+    stops: list[Stop] = []
+    for node in nodes:
+        if node.position is None:
+            raise ValueError(f"node {node.id!r} has not been checked")
+        pose = _pose(node.position, before)
+        stand = bool(node.actions) or _is_precise(node.position, vehicle)
+        kind = Kind.WAIT if stand else Kind.PARK if ends and node is nodes[-1] else Kind.PASS
+        stops.append(Stop(node.sequence_id, "", _name(node, 0), pose.x, pose.y, pose.yaw, kind))
+        for number, action in enumerate(node.actions, 1):
+            what: dict[str, Any] = {"kind": Kind.UNDOCK}
+            if action.type == "pick":
+                what = {"kind": Kind.DOCK, "dock_id": action.parameters["stationName"]}
+            elif action.type == "wait":
+                what = {"kind": Kind.WAIT, "wait_s": float(action.parameters["duration"])}
+            stops.append(Stop(node.sequence_id, action.id, _name(node, number), pose.x, pose.y, pose.yaw, **what))
+        before = pose
+    return tuple(stops)
+
+
+def _pose(position: Position, before: Pose2) -> Pose2:
+    """Without theta the robot looks where it comes from driving."""
+    dx, dy = position.x - before.x, position.y - before.y
+    travel = math.atan2(dy, dx) if math.hypot(dx, dy) > _SAME_PLACE_M else before.yaw
+    return Pose2(position.x, position.y, travel if position.theta is None else position.theta)
+
+
+def _is_precise(position: Position, vehicle: Vehicle) -> bool:
+    """Passing it would not be within its deviations."""
+    turned = position.theta is not None and 0.0 < position.deviation_rad < vehicle.pass_rad
+    return 0.0 < position.deviation_m < vehicle.pass_m or turned
+
+
+def _name(node: Node, number: int) -> str:
+    """Unique within an order, at most 64 characters, and printable: the screen shows it."""
+    text = "".join(letter if letter.isprintable() else "?" for letter in node.id)
+    return f"{node.sequence_id}.{number} {text}"[:64].strip()
+
+
+def start_problem(node: Node, pose: Pose2 | None, vehicle: Vehicle) -> str:
+    """Why the first node of a new order is not trivially reachable (6.6.1), empty if it is."""
+    if pose is None or node.position is None:
+        return "the robot does not know where it is"
+    distance_m = math.hypot(node.position.x - pose.x, node.position.y - pose.y)
+    allowed_m = node.position.deviation_m or vehicle.start_m
+    if distance_m > allowed_m:
+        return f"the robot stands {distance_m:.2f} m from the first node {node.id!r}, allowed are {allowed_m:.2f} m"
+    return ""

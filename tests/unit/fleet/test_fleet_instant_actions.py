@@ -1,0 +1,248 @@
+"""Instant actions (VDA 5050 2.1.0, 6.8.1, 6.8.2 and 6.6.3)."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from robot_stack.contract.states import MissionState
+from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.fleet.errors import ErrorType
+from robot_stack.fleet.instant import MAX_STATES, REFUSED
+from robot_stack.fleet.link import Topic
+from robot_stack.fleet.progress import Operation
+from robot_stack.fleet.record import Phase
+from tests.unit.fleet.master import (
+    HEADER,
+    PARAMS,
+    Bench,
+    Data,
+    action,
+    error_types,
+    node,
+    node_ids,
+    order,
+    route,
+    statuses,
+)
+
+POSE = {"x": 1.0, "y": 2.0, "theta": 0.5, "mapId": "yard", "lastNodeId": "n"}
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+@pytest.fixture
+def riding(bench: Bench) -> Bench:
+    bench.order(order([*route("a", "b"), node("c", 4, 4.0, action("wait", duration=1.0)), node("d", 6, 6.0)]))
+    bench.serve()
+    return bench
+
+
+def is_refused(bench: Bench, entry: Data, kind: str = ErrorType.INSTANT_ACTION) -> str:
+    """The description."""
+    state = bench.instant(entry)
+    errors = [error for error in state["errors"] if error["errorType"] == kind]
+    assert statuses(state)[entry["actionId"]] == "FAILED"
+    references = [(one["referenceKey"], one["referenceValue"]) for one in errors[0]["errorReferences"]]
+    assert ("actionId", entry["actionId"]) in references
+    assert errors[0]["errorLevel"] == "WARNING"
+    description: str = errors[0]["errorDescription"]
+    return description
+
+
+# --- cancelOrder -----------------------------------------------------------------------------------------------------
+
+
+def test_cancel_order_ends_the_order(riding: Bench) -> None:
+    state = riding.instant(action("cancelOrder"))
+    assert statuses(state) == {"wait": "FAILED", "cancelOrder": "FINISHED"}
+    assert (state["nodeStates"], state["edgeStates"]) == ([], [])
+    assert (state["orderId"], state["orderUpdateId"], state["lastNodeId"]) == ("order_1", 0, "b")
+    assert error_types(state) == []
+
+
+def test_cancel_order_runs_until_the_robot_stands(riding: Bench) -> None:
+    riding.robot = replace(riding.robot, twist=Twist2(0.5, 0.0, 0.0))
+    assert statuses(riding.instant(action("cancelOrder")))["cancelOrder"] == "RUNNING"
+    riding.robot = replace(riding.robot, twist=Twist2(0.0, 0.0, 0.0))
+    assert statuses(riding.tick())["cancelOrder"] == "FINISHED"
+
+
+def test_cancel_order_is_repeated_while_the_mission_manager_refuses(riding: Bench) -> None:
+    edit = riding.manager.edit
+    riding.manager.edit = lambda request: (False, "to the safe place first")  # type: ignore[method-assign]
+    assert statuses(riding.instant(action("cancelOrder")))["cancelOrder"] == "RUNNING"
+    riding.manager.edit = edit  # type: ignore[method-assign]
+    for _ in range(4):
+        riding.tick()
+    assert statuses(riding.state)["cancelOrder"] == "FINISHED"
+    assert riding.kernel.record.order is not None
+    assert riding.kernel.record.order.phase is Phase.CANCELLED
+
+
+@pytest.mark.parametrize("cancelled", [False, True])
+def test_without_an_order_there_is_nothing_to_cancel(bench: Bench, cancelled: bool) -> None:
+    if cancelled:
+        bench.order(order(route("a", "b")))
+        bench.instant(action("cancelOrder", "first"))
+    is_refused(bench, action("cancelOrder"), ErrorType.NO_ORDER_TO_CANCEL)
+
+
+def test_an_order_that_waits_for_an_update_can_be_cancelled(bench: Bench) -> None:
+    bench.order(order(route("a", "b", horizon=1)))
+    assert bench.manager.orders == {}
+    state = bench.instant(action("cancelOrder"))
+    assert (node_ids(state), statuses(state)) == ([], {"cancelOrder": "FINISHED"})
+
+
+def test_an_order_that_never_reached_the_mission_manager_can_be_cancelled(bench: Bench) -> None:
+    bench.silent = True
+    bench.order(order(route("a", "b")))
+    bench.instant(action("cancelOrder"))
+    bench.silent = False
+    for _ in range(6):
+        bench.tick()
+    assert statuses(bench.state) == {"cancelOrder": "FINISHED"}
+    assert bench.manager.orders == {}
+
+
+@pytest.mark.parametrize("deviation_m", [0.0, 5.0])
+def test_a_new_order_begins_where_the_robot_stands_or_at_the_last_node(riding: Bench, deviation_m: float) -> None:
+    """Both methods of 6.6.3.1."""
+    riding.robot = replace(riding.robot, pose=Pose2(3.0, 0.0, 0.0))
+    riding.instant(action("cancelOrder"))
+    first = node("b", 0, 2.0, allowedDeviationXY=deviation_m) if deviation_m else node("temporary", 0, 3.0)
+    state = riding.order(order([first, node("d", 2, 6.0)], "second"))
+    assert (state["orderId"], error_types(state)) == ("second", [])
+    assert statuses(state) == {}  # those of the order before are gone
+
+
+# --- pause -----------------------------------------------------------------------------------------------------------
+
+
+def test_the_fleet_pauses_and_goes_on(riding: Bench) -> None:
+    state = riding.instant(action("startPause"))
+    assert (statuses(state)["startPause"], state["paused"]) == ("FINISHED", True)
+    state = riding.instant(action("stopPause"))
+    assert (statuses(state)["stopPause"], state["paused"]) == ("FINISHED", False)
+    assert node_ids(riding.serve(4)) == []
+
+
+def test_a_pause_is_idempotent(riding: Bench) -> None:
+    riding.instant(action("startPause", "p1"))
+    assert statuses(riding.instant(action("startPause", "p2")))["p2"] == "FINISHED"
+    assert [request.operation for request in riding.manager.asked].count(Operation.PAUSE) == 1
+
+
+def test_the_pause_of_a_person_is_not_ended_by_the_fleet(riding: Bench) -> None:
+    riding.manager.state = MissionState.PAUSED
+    riding.tick()
+    assert "person" in is_refused(riding, action("stopPause"))
+    assert riding.manager.state == MissionState.PAUSED
+
+
+def test_without_an_order_there_is_nothing_to_pause(bench: Bench) -> None:
+    is_refused(bench, action("startPause"))
+
+
+def test_a_refused_pause_fails(riding: Bench) -> None:
+    riding.manager.edit = lambda request: (False, "already stopped")  # type: ignore[method-assign]
+    state = riding.instant(action("startPause"))
+    assert statuses(state)["startPause"] == "FAILED"
+    results = {one["actionId"]: one.get("resultDescription") for one in state["actionStates"]}
+    assert results["startPause"] == "already stopped"
+
+
+# --- requests --------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("kind", "topic"), [("stateRequest", Topic.STATE), ("factsheetRequest", Topic.FACTSHEET)])
+def test_a_request_is_answered(bench: Bench, kind: str, topic: Topic) -> None:
+    bench.tick()
+    bench.sent.clear()
+    assert statuses(bench.instant(action(kind)))[kind] == "FINISHED"
+    assert topic in [sent for sent, _ in bench.sent]
+
+
+@pytest.mark.parametrize("kind", [*REFUSED, "pick", "clearErrors", "danceAround"])
+def test_what_the_robot_has_not_is_refused_by_name(bench: Bench, kind: str) -> None:
+    assert kind in is_refused(bench, action(kind, "one"))
+
+
+# --- initPosition ----------------------------------------------------------------------------------------------------
+
+
+def test_the_pose_is_given_to_localization(bench: Bench) -> None:
+    state = bench.instant(action("initPosition", **POSE))
+    assert bench.poses == [Pose2(1.0, 2.0, 0.5)]
+    assert (statuses(state)["initPosition"], state["lastNodeId"]) == ("FINISHED", "n")
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"x": "far"},
+        {"x": 1e9},
+        {"theta": 4.0},
+        {"x": True},
+        {"mapId": "moon"},
+        {"lastNodeId": 1},
+        {"lastNodeId": "n" * 129},
+    ],
+)
+def test_a_pose_that_is_none_is_refused(bench: Bench, change: dict[str, Any]) -> None:
+    is_refused(bench, action("initPosition", **POSE | change))
+    assert bench.poses == []
+
+
+@pytest.mark.parametrize("missing", list(POSE))
+def test_a_pose_needs_all_its_parameters(bench: Bench, missing: str) -> None:
+    assert missing in is_refused(bench, action("initPosition", **{k: v for k, v in POSE.items() if k != missing}))
+
+
+def test_no_pose_is_set_during_a_mission(riding: Bench) -> None:
+    is_refused(riding, action("initPosition", **POSE))
+    assert riding.poses == []
+
+
+def test_no_pose_is_set_with_a_passenger(bench: Bench) -> None:
+    bench.robot = replace(bench.robot, loaded=True)
+    is_refused(bench, action("initPosition", **POSE))
+    assert bench.poses == []
+
+
+# --- messages --------------------------------------------------------------------------------------------------------
+
+
+def test_an_action_that_was_seen_is_not_begun_again(riding: Bench) -> None:
+    for _ in range(3):
+        riding.instant(action("initPosition", "wait", **POSE), action("startPause", "p"))
+    assert riding.poses == []
+    assert [request.operation for request in riding.manager.asked].count(Operation.PAUSE) == 1
+
+
+def test_too_many_actions_in_one_message_are_refused(bench: Bench) -> None:
+    state = bench.instant(*(action("stateRequest", f"s{i}") for i in range(PARAMS.limits.instant_actions + 1)))
+    assert (error_types(state), statuses(state)) == (["validationError"], {})
+
+
+def test_the_number_of_states_is_limited_and_running_ones_are_kept(riding: Bench) -> None:
+    riding.robot = replace(riding.robot, twist=Twist2(0.5, 0.0, 0.0))
+    riding.instant(action("cancelOrder"))
+    for index in range(MAX_STATES + 10):
+        riding.instant(action("stateRequest", f"s{index}"))
+    instant = {key: value for key, value in statuses(riding.state).items() if key != "wait"}
+    assert len(instant) == MAX_STATES
+    assert instant["cancelOrder"] == "RUNNING"
+
+
+def test_a_malformed_message_begins_nothing(bench: Bench) -> None:
+    entry = {key: value for key, value in action("stateRequest").items() if key != "blockingType"}
+    bench.send(Topic.INSTANT_ACTIONS, HEADER | {"actions": [action("factsheetRequest"), entry]})
+    assert (error_types(bench.state), statuses(bench.state)) == (["validationError"], {})
+    assert error_types(bench.instant(action("stateRequest"))) == []

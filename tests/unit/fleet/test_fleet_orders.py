@@ -1,0 +1,463 @@
+"""Which orders and updates are taken over: each branch of figure 8 and each rule of 6.6 (VDA 5050 2.1.0)."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from robot_stack.contract.states import HeldBy
+from robot_stack.core.config import config_dir, read_yaml
+from robot_stack.core.geometry import Pose2
+from robot_stack.core.mission import Kind
+from robot_stack.fleet.record import Phase
+from robot_stack.fleet.robot import Safety
+from tests.unit.fleet.master import VEHICLE, Bench, Data, action, error_types, node, node_ids, order, route, statuses
+
+
+@pytest.fixture
+def bench() -> Bench:
+    return Bench()
+
+
+def is_refused(bench: Bench, data: Data, kind: str, *named: tuple[str, str]) -> None:
+    """The order changes nothing but the errors."""
+    before = bench.kernel.record.order
+    errors = [error for error in bench.order(data)["errors"] if error["errorType"] == kind]
+    assert errors, bench.state["errors"]
+    assert errors[0]["errorLevel"] == "WARNING"
+    references = {(one["referenceKey"], one["referenceValue"]) for one in errors[0]["errorReferences"]}
+    assert {("topic", "order"), ("orderId", data["orderId"]), *named} <= references
+    assert bench.kernel.record.order == before
+
+
+# --- 1: valid? -------------------------------------------------------------------------------------------------------
+
+
+def changed(change: Callable[[Data], Any]) -> Data:
+    data = order(route("a", "b", "c", horizon=1))
+    change(data)
+    return data
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda data: data.update(nodes=[], edges=[]),
+        lambda data: data["edges"].pop(),
+        lambda data: data["nodes"].pop(),
+        lambda data: data["nodes"][1].update(sequenceId=3),
+        lambda data: data["edges"][0].update(sequenceId=2),
+        lambda data: data["nodes"][0].update(sequenceId=2**32),
+        lambda data: data.update(orderUpdateId=2**32),
+        lambda data: data["edges"][0].update(startNodeId="z"),
+        lambda data: data["edges"][1].update(endNodeId="z"),
+        lambda data: data["nodes"][0].update(released=False),
+        lambda data: data["edges"][0].update(released=False),
+        lambda data: data["edges"][1].update(released=True),
+        lambda data: (data["nodes"][1].update(released=False), data["nodes"][2].update(released=True)),
+        lambda data: data.update(orderId=""),
+        lambda data: data["nodes"][1].update(nodeId=""),
+        lambda data: data["nodes"][1].update(actions=[action("wait", "w", duration=1.0)] * 2),
+        lambda data: data.update(version="1.1.0"),
+        lambda data: data.update(version="3.0.0"),
+        lambda data: data.update(serialNumber="another"),
+        lambda data: data.update(manufacturer="another"),
+    ],
+)
+def test_a_malformed_order_is_refused(bench: Bench, change: Callable[[Data], Any]) -> None:
+    bench.order(changed(change))
+    assert error_types(bench.state) == ["validationError"]
+    assert bench.kernel.record.order is None
+
+
+def test_a_new_order_begins_with_sequence_id_0(bench: Bench) -> None:
+    is_refused(bench, order(route("a", "b", first=2)), "validationError")
+
+
+def test_the_error_is_reported_until_an_order_is_accepted(bench: Bench) -> None:
+    is_refused(bench, order(route("a", "b", first=2)), "validationError")
+    for _ in range(50):
+        bench.tick()
+    assert error_types(bench.state) == ["validationError"]
+    assert error_types(bench.order(order(route("a", "b")))) == []
+
+
+# --- 2 to 4: a new order ---------------------------------------------------------------------------------------------
+
+
+def test_a_new_order_is_taken_over(bench: Bench) -> None:
+    state = bench.order(order(route("a", "b", "c", "d", horizon=1), "first", 7))
+    assert (state["orderId"], state["orderUpdateId"]) == ("first", 7)
+    assert (state["lastNodeId"], state["lastNodeSequenceId"]) == ("a", 0)
+    assert [(one["nodeId"], one["sequenceId"], one["released"]) for one in state["nodeStates"]] == [
+        ("b", 2, True),
+        ("c", 4, True),
+        ("d", 6, False),
+    ]
+    assert [(one["edgeId"], one["released"]) for one in state["edgeStates"]] == [
+        ("a-b", True),
+        ("b-c", True),
+        ("c-d", False),
+    ]
+
+
+def test_another_order_is_refused_while_one_is_under_way(bench: Bench) -> None:
+    bench.order(order(route("a", "b")))
+    is_refused(bench, order(route("a", "b"), "second"), "orderError", ("activeOrderId", "order_1"))
+
+
+def test_another_order_is_refused_while_the_vehicle_waits_for_an_update(bench: Bench) -> None:
+    bench.order(order(route("a", "b", "c", horizon=1)))
+    bench.serve(3)
+    assert node_ids(bench.state) == ["c"]
+    is_refused(bench, order(route("a", "b"), "second"), "orderError")
+
+
+def test_another_order_is_taken_over_after_the_end(bench: Bench) -> None:
+    bench.order(order(route("a", "b")))
+    bench.serve(2)
+    bench.robot = replace(bench.robot, pose=Pose2(2.0, 0.0, 0.0))
+    state = bench.order(order(route("b", "c", x=2.0), "second"))
+    assert (state["orderId"], error_types(state), len(bench.manager.added)) == ("second", [], 2)
+
+
+@pytest.mark.parametrize(
+    ("x", "position", "reachable"),
+    [
+        (0.4, {}, True),
+        (0.6, {}, False),
+        (0.6, {"allowedDeviationXY": 0.7}, True),
+        (0.3, {"allowedDeviationXY": 0.2}, False),
+        (8.0, {"allowedDeviationXY": 10.0}, True),
+    ],
+)
+def test_the_first_node_must_be_trivially_reachable(
+    bench: Bench, x: float, position: dict[str, float], reachable: bool
+) -> None:
+    data = order([node("a", 0, x, **position), node("b", 2, 2.0)])
+    if reachable:
+        assert error_types(bench.order(data)) == []
+    else:
+        is_refused(bench, data, "noRouteError", ("nodeId", "a"))
+
+
+def test_a_robot_that_does_not_know_its_pose_takes_no_order(bench: Bench) -> None:
+    bench.robot = replace(bench.robot, pose=None)
+    is_refused(bench, order(route("a", "b")), "noRouteError")
+
+
+def test_a_robot_whose_pose_is_lost_takes_no_order(bench: Bench) -> None:
+    bench.robot = replace(bench.robot, safety=Safety(False, ("LOCALIZATION_LOST",)))
+    assert bench.tick()["agvPosition"]["positionInitialized"] is False
+    is_refused(bench, order(route("a", "b")), "noRouteError")
+
+
+@pytest.mark.parametrize(
+    ("held_by", "mode"),
+    [
+        (HeldBy.MANUAL, "MANUAL"),
+        *((cause, "SERVICE") for cause in HeldBy if cause not in (HeldBy.MANUAL, HeldBy.NOTHING)),
+    ],
+)
+def test_while_a_person_is_needed_the_fleet_is_not_in_control(bench: Bench, held_by: HeldBy, mode: str) -> None:
+    bench.manager.held_by, bench.manager.reason = held_by, "held"
+    assert bench.tick()["operatingMode"] == mode
+    is_refused(bench, order(route("a", "b")), "orderError", ("operatingMode", mode))
+
+
+def test_without_a_mission_manager_no_order_is_taken_over(bench: Bench) -> None:
+    bench.manager.view = lambda robot: robot  # type: ignore[method-assign]
+    bench.order(order(route("a", "b")))
+    assert error_types(bench.state) == ["orderError", "missionManagerUnknown"]
+    assert bench.state["operatingMode"] == "SERVICE"
+
+
+# --- 5 to 8: an update -----------------------------------------------------------------------------------------------
+
+
+def test_an_older_update_is_refused_and_the_order_goes_on(bench: Bench) -> None:
+    bench.order(order(route("a", "b"), update=3))
+    is_refused(bench, order(route("b", "c", first=2, x=2.0), update=2), "orderUpdateError", ("orderUpdateId", "2"))
+    assert node_ids(bench.serve(2)) == []
+    assert bench.state["lastNodeId"] == "b"
+
+
+def test_the_same_update_again_is_ignored(bench: Bench) -> None:
+    data = order(route("a", "b", "c", horizon=1), update=3)
+    bench.order(data)
+    record = bench.kernel.record.order
+    bench.order(data)
+    assert (bench.kernel.record.order, error_types(bench.state)) == (record, [])
+
+
+def test_an_update_continues_the_base_and_replaces_the_horizon(bench: Bench) -> None:
+    bench.order(order(route("f", "d", "g", "b", "h", horizon=2)))
+    nodes = [*route("g", "x", first=4, x=4.0), node("y", 8, 8.0, released=False)]
+    state = bench.order(order(nodes, update=1))
+    assert [(one["nodeId"], one["released"]) for one in state["nodeStates"]] == [
+        ("d", True),
+        ("g", True),
+        ("x", True),
+        ("y", False),
+    ]
+    assert [one["edgeId"] for one in state["edgeStates"]] == ["f-d", "d-g", "g-x", "x-y"]
+    assert len(bench.manager.added) == 1
+    assert [stop.node for stop in bench.manager.orders[bench.manager.added[0]]] == [2, 4, 6]
+
+
+@pytest.mark.parametrize("nodes", [route("b", "c", first=2), route("z", "c", first=4), route("c", "d", first=6)])
+def test_an_update_must_begin_at_the_end_of_the_base(bench: Bench, nodes: list[Data]) -> None:
+    bench.order(order(route("a", "b", "c", "d", horizon=1)))
+    is_refused(bench, order(nodes, update=1), "orderUpdateError", ("orderUpdateId", "1"))
+
+
+def test_the_horizon_can_be_deleted(bench: Bench) -> None:
+    bench.order(order(route("a", "b", "c", horizon=1)))
+    state = bench.order(order(route("b", first=2, x=2.0), update=1))
+    assert node_ids(state) == ["b"]
+    assert node_ids(bench.serve(2)) == []
+    assert bench.kernel.record.order is not None
+    assert bench.kernel.record.order.phase is Phase.COMPLETED
+    assert list(bench.manager.open.values()) == [False]
+
+
+def test_a_new_horizon_alone_keeps_the_base(bench: Bench) -> None:
+    bench.order(order(route("a", "b", "c", horizon=1)))
+    nodes = [node("b", 2, 2.0), node("x", 4, 3.0, released=False), node("y", 6, 4.0, released=False)]
+    assert node_ids(bench.order(order(nodes, update=1))) == ["b", "x", "y"]
+    assert len(bench.manager.asked) == 1
+
+
+@pytest.mark.parametrize("served", [0, 3])
+def test_an_order_without_a_horizon_is_continued_before_and_after_its_end(bench: Bench, served: int) -> None:
+    bench.order(order(route("a", "b")))
+    bench.serve(served)
+    state = bench.order(order(route("b", "c", first=2, x=2.0), update=1))
+    assert (error_types(state), state["orderUpdateId"]) == ([], 1)
+    state = bench.serve(4)
+    assert (state["lastNodeId"], node_ids(state), len(bench.manager.added)) == ("c", [], 2)
+
+
+def test_the_stitching_node_keeps_its_actions(bench: Bench) -> None:
+    wait = action("wait", "w1", duration=1.0)
+    first = order([node("a", 0, 0.0), node("b", 2, 2.0, wait), node("c", 4, 4.0, released=False)])
+    bench.order(first)
+    again = [node("b", 2, 99.0, action("wait", "w2", duration=9.0)), node("c", 4, 4.0)]
+    assert statuses(bench.order(order(again, update=1))) == {"w1": "WAITING"}
+    stops = bench.manager.orders[bench.manager.added[0]]
+    assert [(stop.x, stop.wait_s) for stop in stops] == [(2.0, 0.0), (2.0, 1.0), (4.0, 0.0)]
+
+
+def test_an_action_id_is_used_once(bench: Bench) -> None:
+    bench.order(order([node("a", 0, 0.0), node("b", 2, 2.0, action("wait", "w", duration=1.0))]))
+    again = order([node("b", 2, 2.0), node("c", 4, 4.0, action("wait", "w", duration=1.0))], update=1)
+    is_refused(bench, again, "orderUpdateError", ("actionId", "w"))
+
+
+def test_a_cancelled_order_is_not_updated(bench: Bench) -> None:
+    bench.order(order(route("a", "b", "c", horizon=1)))
+    bench.instant(action("cancelOrder"))
+    is_refused(bench, order(route("b", "c", first=2, x=2.0), update=1), "orderUpdateError")
+
+
+# --- fields and actions that the robot cannot use (6.6.4.2) ----------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("maxSpeed", 0.5),
+        ("maxRotationSpeed", 0.1),
+        ("maxHeight", 1.0),
+        ("minHeight", 0.1),
+        ("orientation", 0.0),
+        ("direction", "left"),
+        ("rotationAllowed", False),
+        ("trajectory", {"degree": 1, "knotVector": [0.0, 0.0, 1.0, 1.0], "controlPoints": [{"x": 0.0, "y": 0.0}]}),
+        ("corridor", {"leftWidth": 1.0, "rightWidth": 1.0}),
+        ("actions", [action("wait", duration=1.0)]),
+    ],
+)
+def test_a_field_of_an_edge_that_cannot_be_kept_is_refused_by_name(bench: Bench, field: str, value: Any) -> None:
+    data = order(route("a", "b", "c", horizon=1))
+    data["edges"][1][field] = value  # of the horizon
+    bench.order(data)
+    assert error_types(bench.state) == ["orderError"]
+    references = bench.state["errors"][0]["errorReferences"]
+    assert f"edge.{field}" in [one["referenceKey"] for one in references]
+    assert ("edgeId", "b-c") in [(one["referenceKey"], one["referenceValue"]) for one in references]
+
+
+def test_fields_of_edges_that_the_robot_keeps_anyway_are_accepted(bench: Bench) -> None:
+    data = order(route("a", "b"))
+    data["edges"][0] |= {"maxSpeed": 1.5, "maxRotationSpeed": 1.0, "maxHeight": 2.0, "length": 2.0}
+    data["edges"][0] |= {"rotationAllowed": True, "orientationType": "TANGENTIAL"}
+    assert error_types(bench.order(data)) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        (lambda one: one.pop("nodePosition"), "nodePosition"),
+        (lambda one: one["nodePosition"].update(mapId="moon"), "nodePosition.mapId"),
+        (lambda one: one["nodePosition"].update(x=1e9), "nodePosition"),
+        (lambda one: one["nodePosition"].update(allowedDeviationXY=0.01), "allowedDeviationXY"),
+        (lambda one: one["nodePosition"].update(theta=0.0, allowedDeviationTheta=0.001), "allowedDeviationTheta"),
+        (lambda one: one.update(actions=[action("wait", f"w{i}", duration=0.0) for i in range(9)]), "actions"),
+        (lambda one: one.update(actions=[action("lift")]), "actionType"),
+        (lambda one: one.update(actions=[action("finePositioning")]), "actionType"),
+        (lambda one: one.update(actions=[action("startCharging")]), "actionType"),
+        (lambda one: one.update(actions=[action("wait")]), "duration"),
+        (lambda one: one.update(actions=[action("wait", duration="long")]), "duration"),
+        (lambda one: one.update(actions=[action("wait", duration=1e6)]), "duration"),
+        (lambda one: one.update(actions=[action("pick")]), "stationName"),
+        (lambda one: one.update(actions=[action("pick", stationName="nowhere")]), "stationName"),
+        (lambda one: one.update(actions=[action("pick", stationName="charger")]), "stationName"),
+        (lambda one: one.update(actions=[action("pick", stationName=["chair_1"])]), "stationName"),
+        (lambda one: one.update(actions=[action("pick", stationName="chair_1", loadType="EPAL")]), "loadType"),
+        (lambda one: one.update(actions=[action("pick", stationName="chair_1", lhd="rear")]), "lhd"),
+        (lambda one: one.update(actions=[action("pick", stationName="chair_1", height=1.0)]), "height"),
+    ],
+)
+def test_what_a_node_asks_and_the_robot_has_not_is_refused_by_name(
+    bench: Bench, change: Callable[[Data], Any], field: str
+) -> None:
+    data = order(route("a", "b", "c", horizon=1))
+    change(data["nodes"][2])
+    is_refused(bench, data, "orderError", ("nodeId", "c"), ("field", field))
+
+
+def test_zones_are_refused(bench: Bench) -> None:
+    is_refused(bench, order(route("a", "b"), zoneSetId="z"), "orderError", ("zoneSetId", "z"))
+
+
+def test_too_many_nodes_are_refused(bench: Bench) -> None:
+    is_refused(bench, order(route(*(f"n{i}" for i in range(255)))), "orderError", ("nodes", "255"))
+    assert error_types(bench.order(order(route(*(f"n{i}" for i in range(254)))))) == []
+
+
+@pytest.mark.parametrize(
+    ("actions", "loaded"),
+    [
+        ([action("drop")], False),
+        ([action("pick", "p1", stationName="chair_1"), action("pick", "p2", stationName="chair_1")], False),
+        ([action("pick", stationName="chair_1")], True),
+    ],
+)
+def test_loads_must_be_possible(bench: Bench, actions: list[Data], loaded: bool) -> None:
+    bench.robot = replace(bench.robot, loaded=loaded)
+    is_refused(bench, order([node("a", 0, 0.0), node("b", 2, 2.0, *actions)]), "orderError")
+
+
+def test_loads_are_followed_over_updates(bench: Bench) -> None:
+    pick = action("pick", stationName="chair_1")
+    bench.order(order([node("a", 0, 0.0), node("b", 2, 2.0, pick), node("c", 4, 4.0, released=False)]))
+    again = order([node("b", 2, 2.0), node("c", 4, 4.0, pick | {"actionId": "p2"})], update=1)
+    is_refused(bench, again, "orderError", ("actionId", "p2"))
+    assert error_types(bench.order(order([node("b", 2, 2.0), node("c", 4, 4.0, action("drop"))], update=1))) == []
+
+
+# --- the base as waypoints -------------------------------------------------------------------------------------------
+
+
+def test_the_base_becomes_waypoints(bench: Bench) -> None:
+    nodes = [
+        node("a", 0, 0.0),
+        node("b", 2, 2.0, y=2.0),
+        node("c", 4, 2.0, action("pick", stationName="chair_1", loadType="wheelchair"), y=4.0, theta=3.0),
+        node("d", 6, 2.0, action("wait", duration=4.0), action("drop"), y=6.0),
+        node("e", 8, 2.0, y=8.0),
+    ]
+    bench.order(order(nodes))
+    stops = bench.manager.orders[bench.manager.added[0]]
+    assert [(stop.node, stop.action, stop.kind, stop.wait_s, stop.dock_id) for stop in stops] == [
+        (2, "", Kind.PASS, 0.0, ""),
+        (4, "", Kind.WAIT, 0.0, ""),
+        (4, "pick", Kind.DOCK, 0.0, "chair_1"),
+        (6, "", Kind.WAIT, 0.0, ""),
+        (6, "wait", Kind.WAIT, 4.0, ""),
+        (6, "drop", Kind.UNDOCK, 0.0, ""),
+        (8, "", Kind.PARK, 0.0, ""),
+    ]
+    # Without theta the robot faces the direction of travel.
+    assert [round(stop.yaw, 3) for stop in stops] == [0.785, 3.0, 3.0, 1.571, 1.571, 1.571, 1.571]
+    names = [stop.name for stop in stops]
+    assert len(set(names)) == len(names)
+
+
+@pytest.mark.parametrize(
+    ("position", "kind"),
+    [
+        ({}, Kind.PASS),
+        ({"allowedDeviationXY": 0.5}, Kind.PASS),
+        ({"allowedDeviationXY": 0.4}, Kind.WAIT),
+        ({"theta": 0.0, "allowedDeviationTheta": 0.6}, Kind.PASS),
+        ({"theta": 0.0, "allowedDeviationTheta": 0.1}, Kind.WAIT),
+    ],
+)
+def test_a_node_with_a_small_deviation_is_stopped_at(bench: Bench, position: dict[str, float], kind: Kind) -> None:
+    bench.order(order([node("a", 0, 0.0), node("b", 2, 2.0, **position), node("c", 4, 4.0)]))
+    assert bench.manager.orders[bench.manager.added[0]][0].kind is kind
+
+
+def test_a_node_may_come_again(bench: Bench) -> None:
+    bench.order(order(route("a", "b", "a", "b", "a")))
+    assert node_ids(bench.serve(2)) == ["b", "a"]
+    assert node_ids(bench.serve(3)) == []
+    assert bench.state["lastNodeSequenceId"] == 8
+
+
+def test_names_for_the_screen_are_printable_and_short(bench: Bench) -> None:
+    bench.order(order(route("a", "x\n\t" * 40, "y ")))
+    names = [stop.name for stop in bench.manager.orders[bench.manager.added[0]]]
+    assert all(name.isprintable() and 0 < len(name) <= 64 and name == name.strip() for name in names)
+
+
+def test_an_order_of_one_node_is_done_at_once(bench: Bench) -> None:
+    state = bench.order(order(route("a")))
+    assert (state["lastNodeId"], node_ids(state), bench.manager.added) == ("a", [], [])
+    assert bench.kernel.record.order is not None
+    assert bench.kernel.record.order.phase is Phase.COMPLETED
+
+
+def test_a_long_order_is_continued_beyond_what_one_mission_holds(bench: Bench) -> None:
+    count = 254
+    bench.order(order(route(*(f"n{i}" for i in range(count)))))
+    for update in (1, 2):
+        names = [f"n{(count - 1) * update + i}" for i in range(count)]
+        bench.order(order(route(*names, first=2 * (count - 1) * update), update=update))
+        assert error_types(bench.state) == []
+    for _ in range(40):  # each state of that many nodes takes a while
+        for _ in range(25):
+            bench.manager.serve()
+        bench.tick()
+    assert (node_ids(bench.state), bench.state["lastNodeId"]) == ([], f"n{3 * (count - 1)}")
+    assert sum(map(len, bench.manager.orders.values())) == 3 * (count - 1)
+    assert all(len(stops) <= 254 for stops in bench.manager.orders.values())
+
+
+def test_tolerances_are_those_of_the_mission_manager() -> None:
+
+    manager = read_yaml(config_dir() / "mission_manager.yaml")
+    assert (VEHICLE.pass_m, VEHICLE.pass_rad) == (
+        manager["pass_position_tolerance_m"],
+        manager["pass_yaw_tolerance_rad"],
+    )
+    assert (VEHICLE.stand_m, VEHICLE.stand_rad) == (manager["position_tolerance_m"], manager["yaw_tolerance_rad"])
+    assert read_yaml(config_dir() / "ndt_localization.yaml")["map"] == VEHICLE.map_id
+
+
+def test_the_orders_of_the_documentation_are_carried_out(bench: Bench) -> None:
+    text = (config_dir().parent / "docs/fleet.md").read_text(encoding="utf-8")
+    first, second = (json.loads(block) for block in re.findall(r"```json\n(.*?)```", text, re.DOTALL))
+    bench.robot = replace(bench.robot, pose=Pose2(-0.3, 8.8, 0.0))
+    assert error_types(bench.order(first)) == []
+    bench.serve(3)
+    assert error_types(bench.order(second)) == []
+    assert node_ids(bench.serve(5)) == []
+    assert statuses(bench.state) == {"pick_17": "FINISHED", "drop_17": "FINISHED"}
