@@ -11,6 +11,7 @@ from robot_stack.cli.coverage import coverage
 from robot_stack.cli.docking import docking
 from robot_stack.cli.events import events
 from robot_stack.cli.film import film
+from robot_stack.cli.fleet import fleet
 from robot_stack.cli.map import maps
 from robot_stack.cli.mission import mission
 from robot_stack.cli.pin import pin
@@ -38,6 +39,7 @@ app.add_typer(arm, name="arm")
 app.add_typer(calibrate, name="calibrate")
 app.add_typer(maps, name="map")
 app.add_typer(wmx, name="wmx")
+app.add_typer(fleet, name="fleet")
 app.command()(dock.dock)
 app.command()(dock.undock)
 app.command()(safety.estop)

@@ -38,6 +38,10 @@ def up(
         list[str] | None,
         typer.Option(help="Leave out a process that other software replaces; may be repeated."),
     ] = None,
+    fleet: Annotated[
+        str | None,
+        typer.Option(metavar="URL", help="Take orders of a fleet from this broker: mqtts://HOST:PORT, see `fleet`."),
+    ] = None,
     speed: Annotated[
         float | None, typer.Option(help="Maximum speed of the simulated world relative to real time.")
     ] = None,
@@ -60,7 +64,14 @@ def up(
     from robot_stack.supervisor.profile import load_plan
 
     launch = client.Launch(
-        profile, settings or (), only or (), speed, log_dir, system_time, without=tuple(without or ())
+        profile,
+        settings or (),
+        only or (),
+        speed,
+        log_dir,
+        system_time,
+        without=tuple(without or ()),
+        fleet=fleet,
     )
     # Validated here too, to report an error at once.
     plan = load_plan(
@@ -70,6 +81,7 @@ def up(
         without=launch.without,
         speed=speed,
         system_time=system_time,
+        fleet=fleet,
     )
     try:
         if foreground:

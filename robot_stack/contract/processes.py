@@ -183,6 +183,12 @@ PROCESSES: tuple[Process, ...] = (
     ),
     _process("touch_ui", "robot_stack.ui.nodes.touch_ui", _OPTIONAL, "touch screen"),
     _process(
+        "fleet_agent",
+        "robot_stack.fleet.nodes.fleet_agent",
+        _OPTIONAL,
+        "orders of a fleet's master control by VDA 5050 over MQTT",
+    ),
+    _process(
         "system_monitor",
         "robot_stack.system_monitor.nodes.system_monitor",
         _OPTIONAL,

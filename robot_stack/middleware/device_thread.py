@@ -7,6 +7,7 @@ import os
 import select
 import threading
 import time
+from collections.abc import Callable
 from typing import Protocol
 
 
@@ -41,10 +42,11 @@ class Device(Protocol):
 class DeviceThread:
     """Calls ``use`` of the device, again ``reopen_s`` after each loss. Starts at once; ``close`` ends it.
 
+    reopen_s: a pause, or a function that returns the next one.
     state: of the device in words. opened: number of times that the device was opened.
     """
 
-    def __init__(self, device: Device, reopen_s: float) -> None:
+    def __init__(self, device: Device, reopen_s: float | Callable[[], float]) -> None:
         self._device, self._reopen_s = device, reopen_s
         self.state = f"{device.where} is not open yet"
         self.opened = 0
@@ -91,7 +93,7 @@ class DeviceThread:
             self._pause()
 
     def _pause(self) -> None:
-        end_s = time.monotonic() + self._reopen_s
+        end_s = time.monotonic() + (self._reopen_s() if callable(self._reopen_s) else self._reopen_s)
         while self.running and (left_s := end_s - time.monotonic()) > 0.0:
             self.wait(left_s)
 

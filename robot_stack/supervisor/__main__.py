@@ -36,6 +36,7 @@ def main() -> int:
             without=options.without,
             speed=options.speed,
             system_time=options.system_time,
+            fleet=options.fleet,
         )
         params = load_params()
         if not plan.processes:
@@ -67,6 +68,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--set", action="append", default=[], metavar="NODE.PARAMETER=VALUE")
     parser.add_argument("--only", action="append", default=[], metavar="PROCESS")
     parser.add_argument("--without", action="append", default=[], metavar="PROCESS")
+    parser.add_argument("--fleet", metavar="URL")
     parser.add_argument("--speed", type=float)
     parser.add_argument("--system-time", action="store_true")
     parser.add_argument("--log-dir", type=Path, default=logs.default_log_dir())

@@ -51,6 +51,7 @@ class Launch:
     system_time: bool = False
     home: Path | None = None
     without: Sequence[str] = ()
+    fleet: str | None = None
 
     def environment(self) -> dict[str, str]:
         """The supervisor's environment: with the ROS wheels on its paths, so that no process starts twice."""
@@ -65,7 +66,8 @@ class Launch:
         folder = ["--log-dir", str(self.log_dir or default_log_dir())]
         supervisor = [sys.executable, "-m", "robot_stack.supervisor", "--profile", self.profile]
         time_source = ["--system-time"] if self.system_time else []
-        return [*supervisor, *settings, *only, *without, *speed, *time_source, *folder, *options]
+        fleet = [] if self.fleet is None else ["--fleet", self.fleet]
+        return [*supervisor, *settings, *only, *without, *fleet, *speed, *time_source, *folder, *options]
 
 
 def refuse_second() -> None:

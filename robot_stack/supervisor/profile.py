@@ -9,16 +9,18 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import yaml
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationError, model_validator
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Criticality, Process, System
 from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.config import Config, ConfigError, config_dir, read_yaml, validate
+from robot_stack.fleet.mqtt_params import BrokerParams
 from robot_stack.wmx.config import ENGINE_VARIABLE, HELD_UP_STALE_S, STALE_VARIABLE
 
 _SAFETY_MONITOR, _SYSTEM_MONITOR = "safety_monitor", "system_monitor"
 _EXPECTED = "expected_processes"
+_FLEET = "fleet_agent"
 
 
 class Machine(Enum):
@@ -113,19 +115,22 @@ def load_plan(
     without: Sequence[str] = (),
     speed: float | None = None,
     system_time: bool = False,
+    fleet: str | None = None,
 ) -> Plan:
     """A profile with the operator's overrides on top.
 
     settings: ``node.parameter=value``, the value in YAML. only: the processes to run, all if empty.
     without: processes to leave out, which other software replaces. speed: of the simulated world.
     system_time: nodes run on the system clock although the world is simulated: then it does not wait for nodes, like
-    the real one.
+    the real one. fleet: URL of a fleet's broker; adds the fleet agent.
 
     Raises ConfigError in one line that names file, field and the accepted values.
     """
     path = profile_path(name)
     data = _with_speed(_with_base(read_yaml(path), path), speed, path)
     file = validate(ProfileFile, {**data, "use_sim_time": False} if system_time else data, str(path))
+    if fleet is not None:
+        file, settings = _with_fleet(file, fleet), (f"{_FLEET}.broker.url={fleet}", *settings)
     processes = _processes(file, path)
     built = [process for process in processes if process.available]
     chosen = _named(built, "--only", only) if only else built
@@ -159,6 +164,15 @@ def _tell_monitors(parameters: dict[str, dict[str, Any]], chosen: Sequence[Proce
 def _engine_variables(file: ProfileFile) -> dict[str, str]:
     engine = {ENGINE_VARIABLE: file.engine} if file.engine else {}
     return {**engine, **({STALE_VARIABLE: str(HELD_UP_STALE_S)} if file.use_sim_time else {})}
+
+
+def _with_fleet(file: ProfileFile, url: str) -> ProfileFile:
+    try:
+        BrokerParams(url=url, allow_plain=True)  # other parameters may allow what the URL alone may not
+    except ValidationError as error:
+        raise ConfigError(f"--fleet: {error.errors()[0]['msg'].removeprefix('Value error, ')}") from None
+    processes = [*file.processes, *([] if _FLEET in file.processes else [_FLEET])]
+    return file.model_copy(update={"processes": processes})
 
 
 def _with_speed(data: dict[str, Any], speed: float | None, path: Path) -> dict[str, Any]:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from robot_stack.ehmi.nodes.serial_port import SerialPort
+from robot_stack.fleet.nodes.mqtt_link import MqttLink
 from robot_stack.middleware.port import Port
 from robot_stack.recording.opening import open_black_box
 from robot_stack.system_monitor.nodes.computer_reader import ProcessReader, configured_reader
@@ -24,6 +25,7 @@ from sim.stack.computer import NoProcesses, ScheduledComputer, ScheduledReader
 from sim.stack.disk import ScheduledDisk
 from sim.stack.display import Cable, ScheduledDisplay, ScheduledSerialPort
 from sim.stack.engine import ScheduledView
+from sim.stack.fleet import ScheduledBroker
 from sim.stack.screen import OpenPage, ScheduledHub, ScheduledServer
 
 
@@ -43,6 +45,7 @@ class StackDevices:
         self.computer = ScheduledComputer(lambda: scheduler.now_s)
         self.cable = Cable(after)
         self.disk = ScheduledDisk()
+        self.broker = ScheduledBroker(runs)
         self.server: ScheduledServer | None = None
         self._screen: OpenPage | None = None
         self._open_engine = open_engine
@@ -57,6 +60,7 @@ class StackDevices:
         devices[configured_reader] = lambda port, _: ScheduledReader(self.computer)
         devices[ProcessReader] = lambda port, _: NoProcesses()
         devices[Hub] = _hub
+        devices[MqttLink] = self.broker.connect
         devices[open_black_box] = ScheduledBlackBox().open
         self.disk.register(devices, scheduler, lose_power)
         devices[WebServer] = self._web_server

@@ -74,6 +74,7 @@ class SimulatedStack(Observer):
         self.world: ScheduledWorld | None = None
         self._devices = StackDevices(self.scheduler, self._open_engine, lambda: self.faults.lose_power())
         self.computer, self.cable, self.disk = self._devices.computer, self._devices.cable, self._devices.disk
+        self.broker = self._devices.broker
         self._exit = contextlib.ExitStack()
         self.folder = Path()
 

@@ -1,0 +1,1 @@
+"""Messages of the fleet agent and its node."""

@@ -1,0 +1,75 @@
+"""Conversions between messages and the values of the fleet agent's kernel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from builtin_interfaces.msg import Time
+from geometry_msgs.msg import PoseWithCovarianceStamped
+from sensor_msgs.msg import BatteryState
+
+from custom_msgs.msg import MissionOrder, MissionQueue, MissionStatus, MissionWaypoint, SafetyStatus
+from custom_msgs.srv import EditMissionQueue
+from robot_stack.contract import frames
+from robot_stack.contract.model import SafetyState
+from robot_stack.core.geometry import Pose2
+from robot_stack.fleet.progress import Request
+from robot_stack.fleet.robot import FLEET, Battery, MissionView, Queue, Safety
+from robot_stack.middleware.conversions import pose_to_msg
+
+_CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
+_PRIORITY = 100
+
+
+def queue_of(message: MissionQueue) -> Queue:
+    return Queue(
+        message.held_by,
+        message.reason,
+        next((order.id for order in message.current), ""),
+        frozenset(order.id for order in message.orders),
+        {order.id: order.state for order in message.ended},
+        message.paused_by,
+    )
+
+
+def mission_of(message: MissionStatus) -> MissionView:
+    return MissionView(message.state, message.mission_id, message.waypoints_completed, message.reason)
+
+
+def battery_of(message: BatteryState) -> Battery:
+    charging = message.power_supply_status == _CHARGING
+    return Battery(100.0 * message.percentage, message.voltage, charging)
+
+
+def safety_of(message: SafetyStatus) -> Safety:
+    emergency = message.safety_state == SafetyState.EMERGENCY_STOP.name
+    return Safety(emergency or message.emergency_stop_active, tuple(message.active_faults))
+
+
+def request_message(request: Request) -> Any:
+    order = MissionOrder(
+        id=request.order_id, mission_id=request.order_id, origin=FLEET, priority=_PRIORITY, open=request.open
+    )
+    waypoints = [
+        MissionWaypoint(
+            name=stop.name,
+            x=stop.x,
+            y=stop.y,
+            yaw=stop.yaw,
+            action=stop.kind.value,
+            wait_s=stop.wait_s,
+            dock_id=stop.dock_id,
+        )
+        for stop in request.stops
+    ]
+    return EditMissionQueue.Request(
+        operation=int(request.operation), order=order, waypoints=waypoints, first=request.first
+    )
+
+
+def initial_pose(pose: Pose2, stamp: Time) -> PoseWithCovarianceStamped:
+    """Without a covariance: localization has its own for a start."""
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id, message.header.stamp = frames.MAP, stamp
+    message.pose.pose = pose_to_msg(pose)
+    return message
