@@ -48,7 +48,7 @@ def test_the_simulation_runs_every_built_process_of_the_robot_but_those_started_
     built = {process.name for process in BY_NAME.values() if process.available and process.system.value != "wmx"}
     of_other_machines = {process.name for name in ("general", "manipulator") for process in load_plan(name).processes}
     drivers = {name for name in built if str(BY_NAME[name].module).startswith("robot_stack.drivers.")}
-    assert built - hosted - of_other_machines - drivers <= {"recorder", "remote_view"}
+    assert built - hosted - of_other_machines - drivers <= {"recorder", "remote_view", "fleet_agent"}
 
 
 @pytest.mark.parametrize("name", ["robot", "general_real", "manipulator_real", "diff_drive_real"])
@@ -226,3 +226,17 @@ def test_shipped_tuning_is_valid_and_slower_than_the_safety_monitor() -> None:
     critical = next(backoff for key, backoff in params.backoff.items() if key.value == "critical")
     assert critical.first_s > 1.0
     assert params.hang_after_s > 1.0
+
+
+def test_fleet_adds_its_agent_with_the_broker() -> None:
+    url = "mqtts://broker.example:8883"
+    plan = load_plan("sim", fleet=url, settings=["fleet_agent.broker.keep_alive_s=20"])
+    assert "fleet_agent" in [process.name for process in plan.processes]
+    assert plan.parameters["fleet_agent"]["broker.url"] == url
+    assert plan.parameters["fleet_agent"]["broker.keep_alive_s"] == 20
+    assert "fleet_agent" in plan.parameters["system_monitor"]["expected_processes"]
+    assert "fleet_agent" not in [process.name for process in load_plan("sim").processes]
+    for wrong in ("http://broker.example", "mqtts://robot:secret@broker.example"):
+        with pytest.raises(ConfigError, match="--fleet") as caught:
+            load_plan("sim", fleet=wrong)
+        assert "secret" not in str(caught.value)

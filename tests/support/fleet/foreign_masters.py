@@ -1,0 +1,78 @@
+"""Fleet managers by foreign implementations of VDA 5050, which send an order and follow it to its end."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import subprocess
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from vda5050.client.master.client import MasterClient
+from vda5050.config import MasterConfig
+from vda5050.model.order import Order
+from vda5050.model.state import State
+
+NPM = Path(__file__).with_name("npm")
+
+
+@dataclass
+class Followed:
+    """nodes: ids of the last nodes that the states named, without repetition."""
+
+    accepted: bool
+    finished: bool
+    nodes: list[str] = field(default_factory=list)
+    errors: list[str] = field(default_factory=list)
+
+
+def drive_by_sdk(url: str, manufacturer: str, serial: str, order: dict[str, Any], deadline_s: float = 60.0) -> Followed:
+    """Sends ``order`` by vda5050-sdk (Python, 2.1.0), which checks every state against the official schema."""
+    return asyncio.run(_drive(url, f"{manufacturer}/{serial}", order, deadline_s))
+
+
+async def _drive(url: str, key: str, data: dict[str, Any], deadline_s: float) -> Followed:
+    manufacturer, serial = key.split("/")
+    header = {"headerId": 0, "timestamp": "2026-01-01T00:00:00Z", "version": "2.1.0"}
+    order = Order.model_validate({**header, **data, "manufacturer": manufacturer, "serialNumber": serial})
+    followed = Followed(accepted=False, finished=False)
+    async with MasterClient(MasterConfig(broker_url=url, validate_messages=True)) as master:
+
+        def note(state: State, _key: object) -> None:
+            if state.order_id == order.order_id and [state.last_node_id] != followed.nodes[-1:]:
+                followed.nodes.append(state.last_node_id)
+
+        master.on_state(note)
+        master.on_error(lambda event: followed.errors.append(str(event)))
+        master.on_vehicle_error(lambda event, _key: followed.errors.append(event.error.error_type))
+        if not await master.wait_for(key, lambda session: session.state is not None, timeout=deadline_s):
+            followed.errors.append("no state")
+            return followed
+        followed.accepted = (await master.dispatch(order, key)).accepted
+        if followed.accepted:
+            followed.finished = await master.wait_for(
+                key, lambda session: _ended(session.state, order), timeout=deadline_s
+            )
+    return followed
+
+
+def _ended(state: State, order: Order) -> bool:
+    return (
+        (state.order_id, state.order_update_id) == (order.order_id, order.order_update_id)
+        and not state.node_states
+        and state.last_node_sequence_id == order.nodes[-1].sequence_id
+        and not state.driving
+    )
+
+
+def drive_by_npm(url: str, manufacturer: str, serial: str, order: dict[str, Any], deadline_s: float = 60.0) -> Followed:
+    """Sends ``order`` by vda-5050-lib (JavaScript), after `npm ci` in the folder ``npm``.
+
+    It knows versions 1.1 and 2.0.0: its order says 2.0.0, and it does not check the robot's messages of 2.1.0.
+    """
+    command = ["node", str(NPM / "master.js"), url, manufacturer, serial, json.dumps(order)]
+    done = subprocess.run(command, cwd=NPM, capture_output=True, text=True, timeout=deadline_s)
+    if done.returncode not in (0, 1):
+        raise RuntimeError(done.stderr)
+    return Followed(**json.loads(done.stdout.splitlines()[-1]))
