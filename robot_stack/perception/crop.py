@@ -15,6 +15,9 @@ from robot_stack.perception.params import CropParams
 
 Float = NDArray[np.float32]
 
+# How far ahead a box's front is for each metre above a hinge, and the height of the hinge, m.
+UPRIGHT: Float = np.zeros(2, np.float32)
+
 
 def boxes(robot: Robot, params: CropParams, chair: bool) -> Float:
     """(k, 6) of x0 x1 y0 y1 z0 z1, m, base_link: boxes to cut out. The robot is as high as its highest sensor."""
@@ -32,13 +35,19 @@ def _box(footprint: Footprint, params: CropParams, height_m: float, from_m: floa
 
 
 def crop(
-    points: Points, lidar_xyz_m: Float, cut: Float, range_m: tuple[float, float], turned: Float | None = None
+    points: Points,
+    lidar_xyz_m: Float,
+    cut: Float,
+    range_m: tuple[float, float],
+    turned: Float | None = None,
+    lean: Float = UPRIGHT,
 ) -> tuple[Float, Float, int]:
     """The points of the environment.
 
     points: (n,) with x, y, z, time, sensor frame, m, s; read where they are, not copied.
     lidar_xyz_m: (3,) sensor in base_link. cut: (k, 6) as ``boxes`` gives. range_m: least and greatest range.
-    turned: (3, 3) from the sensor's axes to base_link's; None: they are the same.
+    turned: (3, 3) from the sensor's axes to base_link's; None: they are the same. lean: of the last box, see
+    ``UPRIGHT``.
     Returns (m, 3) in base_link at each point's own moment, (m,) times, and how many points were not finite.
     """
     xyz = np.empty((len(points), 3), dtype=np.float32)
@@ -47,7 +56,7 @@ def crop(
     if turned is not None:
         x, y, z = turned @ np.stack([x, y, z])
     least, greatest = np.float32(range_m[0]), np.float32(range_m[1])
-    kept, broken = _crop(x, y, z, time, lidar_xyz_m, cut, least, greatest, xyz, times)
+    kept, broken = _crop(x, y, z, time, lidar_xyz_m, cut, lean, least, greatest, xyz, times)
     return xyz[:kept], times[:kept], broken
 
 
@@ -77,6 +86,12 @@ def readable(points: Points, *names: str) -> list[Float]:
 
 
 @compiled
+def ahead_of(z: Any, lean: Float) -> Any:
+    """How far a leaning box's front is ahead at the height z, m."""
+    return lean[0] * max(z - lean[1], np.float32(0.0))
+
+
+@compiled
 def _crop(
     x: Float,
     y: Float,
@@ -84,15 +99,17 @@ def _crop(
     time: Float,
     mount: Float,
     cut: Float,
+    lean: Float,
     least: Any,
     greatest: Any,
     xyz: Float,
     times: Float,
 ) -> tuple[int, int]:
-    kept, broken = 0, 0
+    kept, broken, last = 0, 0, len(cut) - 1
     reach = np.float32(0.0)  # in plan, squared: no box is farther from base_link
     for k in range(len(cut)):
-        far_x, far_y = max(abs(cut[k, 0]), abs(cut[k, 1])), max(abs(cut[k, 2]), abs(cut[k, 3]))
+        front = cut[k, 1] + (ahead_of(cut[k, 5], lean) if k == last else np.float32(0.0))
+        far_x, far_y = max(abs(cut[k, 0]), abs(front)), max(abs(cut[k, 2]), abs(cut[k, 3]))
         reach = max(reach, far_x * far_x + far_y * far_y)
     for i in range(len(x)):
         px, py, pz = x[i], y[i], z[i]
@@ -106,7 +123,8 @@ def _crop(
         inside = False
         if px * px + py * py <= reach:
             for k in range(len(cut)):
-                if cut[k, 0] <= px <= cut[k, 1] and cut[k, 2] <= py <= cut[k, 3] and cut[k, 4] <= pz <= cut[k, 5]:
+                front = cut[k, 1] + (ahead_of(pz, lean) if k == last else np.float32(0.0))
+                if cut[k, 0] <= px <= front and cut[k, 2] <= py <= cut[k, 3] and cut[k, 4] <= pz <= cut[k, 5]:
                     inside = True
         if not inside:
             xyz[kept, 0], xyz[kept, 1], xyz[kept, 2], times[kept] = px, py, pz, time[i]

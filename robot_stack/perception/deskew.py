@@ -27,6 +27,12 @@ class Attitude:
     roll_rad: float
     pitch_rad: float
 
+    @staticmethod
+    def of_tilt(tilt: tuple[float, float]) -> Attitude:
+        """From the heights by which base_link's unit vectors x and y rise."""
+        pitch = -math.asin(tilt[0])
+        return Attitude(math.asin(tilt[1] / math.cos(pitch)), pitch)
+
     def matrix(self) -> Matrix:
         """(3, 3): base_link to its levelled frame (z against gravity, same heading)."""
         cr, sr = math.cos(self.roll_rad), math.sin(self.roll_rad)

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 
 from robot_stack.core.compiled import compiled
 from robot_stack.core.point_cloud import Points
-from robot_stack.perception.crop import readable
+from robot_stack.perception.crop import UPRIGHT, ahead_of, readable
+from robot_stack.perception.deskew import Attitude
 from robot_stack.perception.params import MixedPixelParams
 from robot_stack.perception.polar import HALF_PI, PI, angle_of
 from robot_stack.perception.space.view import View
@@ -37,11 +38,11 @@ class ChairEdges:
         self._turn = np.eye(3, dtype=np.float32) if turned is None else turned
         self._own = np.zeros((round(math.pi / spacing_rad[0]), round(2.0 * math.pi / spacing_rad[1])), np.bool_)
 
-    def look(self, points: Points) -> None:
-        """points: (m,) of one message, sensor frame, m."""
+    def look(self, points: Points, lean: Float = UPRIGHT) -> None:
+        """points: (m,) of one message, sensor frame, m. lean: of the chair, see ``UPRIGHT``."""
         self._own[:] = False
         x, y, z = readable(points, "x", "y", "z")
-        _mark(x, y, z, self._mount, self._turn, self._box, self._own)
+        _mark(x, y, z, self._mount, self._turn, self._box, lean, self._own)
 
     def beside(self, xyz: Float) -> NDArray[np.bool_]:
         """(n,) of points (n, 3) of that message, base_link."""
@@ -51,8 +52,9 @@ class ChairEdges:
 
     def without(self, view: View) -> View:
         """A view without the points beside the chair: they are stored neither as obstacle nor as ground."""
-        hits, floor = view.hits[~self.beside(view.hits)], view.floor[~self.beside(view.floor[:, :3])]
-        return replace(view, hits=hits, floor=floor)
+        # The floor is levelled, the beams are not: on a ramp of 10 deg their elevations differ by as much.
+        floor = view.floor[:, :3] @ Attitude.of_tilt(view.tilt).matrix().astype(np.float32)
+        return replace(view, hits=view.hits[~self.beside(view.hits)], floor=view.floor[~self.beside(floor)])
 
     def without_sparse(self, xyz: Float, params: MixedPixelParams, points_min: int) -> Float:
         """(k, 3) of obstacle points (n, 3): without those beside the chair that are too few to be an object."""
@@ -72,14 +74,14 @@ def _direction(x: Any, y: Any, z: Any, rows: int, columns: int) -> tuple[int, in
 
 
 @compiled(error_model="numpy")
-def _mark(x: Float, y: Float, z: Float, mount: Float, turn: Float, box: Float, own: Any) -> None:
+def _mark(x: Float, y: Float, z: Float, mount: Float, turn: Float, box: Float, lean: Float, own: Any) -> None:
     rows, columns = own.shape
     for i in range(len(x)):
         dx = turn[0, 0] * x[i] + turn[0, 1] * y[i] + turn[0, 2] * z[i]
         dy = turn[1, 0] * x[i] + turn[1, 1] * y[i] + turn[1, 2] * z[i]
         dz = turn[2, 0] * x[i] + turn[2, 1] * y[i] + turn[2, 2] * z[i]
         px, py, pz = dx + mount[0], dy + mount[1], dz + mount[2]
-        if box[0] <= px <= box[1] and box[2] <= py <= box[3] and box[4] <= pz <= box[5]:
+        if box[0] <= px <= box[1] + ahead_of(pz, lean) and box[2] <= py <= box[3] and box[4] <= pz <= box[5]:
             row, column = _direction(dx, dy, dz, rows, columns)
             own[row, column] = True
 

@@ -12,6 +12,7 @@ from robot_stack.contract import frames
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.robot import Robot
+from robot_stack.perception.crop import UPRIGHT
 from robot_stack.perception.deskew import Motion
 from robot_stack.perception.mixed_pixels import ChairEdges
 from robot_stack.perception.params import PerceptionParams
@@ -47,17 +48,18 @@ class Overhead:
     def forget(self) -> None:
         self._stamp_s, self._obstacles = -math.inf, _NOTHING
 
-    def take(self, points: Points, stamp_s: float, chair: bool) -> View:
+    def take(self, points: Points, stamp_s: float, chair: bool, lean: Float = UPRIGHT) -> View:
         """A frame: points (n,) in the sensor's frame, m, times relative to the stamp, s. Needs the motion there.
+        lean: of an attached chair, see ``UPRIGHT``.
 
         Returns its view for the model of the space: without the obstacles beside the chair, see ``mixed``.
         """
-        xyz, _ = self._view.points(points, stamp_s, self._motion, chair)
+        xyz, _ = self._view.points(points, stamp_s, self._motion, chair, lean)
         seen = self._view.segment(xyz, self._motion.attitude_at(stamp_s))
         found = raised(seen.xyz, seen.labels)
         things, _ = self._crowd.split(found)
         if chair:
-            self._chair_edges.look(points)
+            self._chair_edges.look(points, lean)
             filter_params = self._params.mixed_pixels
             things = self._chair_edges.without_sparse(things, filter_params, filter_params.overhead_points_min)
         centroids = voxels(things, self._params.obstacles.voxel_m)

@@ -16,6 +16,7 @@ from robot_stack.core.point_cloud import Points
 from robot_stack.core.robot import Robot
 from robot_stack.perception import ground
 from robot_stack.perception.carry import carried
+from robot_stack.perception.crop import UPRIGHT
 from robot_stack.perception.deskew import Attitude, Motion
 from robot_stack.perception.mixed_pixels import ChairEdges
 from robot_stack.perception.overhead import Overhead
@@ -82,7 +83,7 @@ class Pipeline:
         self._overhead: Overhead | None = None
         if frames.OVERHEAD_LIDAR in robot.range_sensors:
             self._overhead = Overhead(robot, params, self.motion)
-        self.chair = False
+        self.chair, self._lean = False, UPRIGHT
 
     def forget(self) -> None:
         """Clears all stored observations."""
@@ -98,7 +99,7 @@ class Pipeline:
     def overhead(self, points: Points, stamp_s: float) -> None:
         """A frame of the overhead LiDAR: adds its obstacles to the next scenes and its rays to the space model."""
         if self._overhead is not None:
-            look = self._overhead.take(points, stamp_s, self.chair)
+            look = self._overhead.take(points, stamp_s, self.chair, self._lean)
             self._observe(self._overhead.near(look), look, self.motion.pose_at(stamp_s), self._overhead_trackers)
 
     def scene(self, points: Points, stamp_s: float, obstructed: NDArray[np.bool_] | None = None) -> Scene:
@@ -113,7 +114,7 @@ class Pipeline:
         close = self._outlines[self.chair][np.zeros(DIRECTIONS, np.bool_) if obstructed is None else obstructed]
         if self.chair:
             # The chair hides most of an object beside it, so that few returns remain, see ``mixed``.
-            self._chair_edges.look(points)
+            self._chair_edges.look(points, self._lean)
             obstacles = np.concatenate([obstacles, specks[self._chair_edges.beside(specks)]])
             filter_params = self._params.mixed_pixels
             obstacles = self._chair_edges.without_sparse(obstacles, filter_params, filter_params.points_min)
@@ -145,6 +146,7 @@ class Pipeline:
         self.space.observe(look, pose)
         own = self._robot.footprint_with_chair if self.chair else self._robot.footprint
         self.footing.observe(look.floor, look.tilt, pose, own)
+        self._lean = self._leans(pose) if self.chair else UPRIGHT
         space = self.space
         slow = space.appeared_while_standing(look, pose, self._params.slow_bodies)
         for body, vx_mps, vy_mps in trackers.slow.look(slow, look.stamp_s, space.is_visible_upright):
@@ -164,9 +166,14 @@ class Pipeline:
         appeared = wide.appeared(wide_look, pose)
         trackers.fast.look(appeared, look.stamp_s, wide.is_visible, partial(wide_look.seen_at_s, pose))
 
+    def _leans(self, pose: Pose2) -> Float:
+        """Of the chair, which turns about the latch's hooks: ahead where the ground falls beneath it, as at a crest."""
+        robot = self._robot
+        return np.array([self.footing.bends(pose, robot.footprint.front_m), robot.latch.height_m], np.float32)
+
     def points(self, points: Points, stamp_s: float) -> tuple[Float, int]:
         """Cropped and de-skewed: (n, 3) base_link at the stamp, and how many points were not finite."""
-        return self._view.points(points, stamp_s, self.motion, self.chair)
+        return self._view.points(points, stamp_s, self.motion, self.chair, self._lean)
 
     def segment(self, xyz: Float, attitude: Attitude | None = None) -> Segmented:
         """Ground and other points of the spinning LiDAR, (n, 3), base_link."""

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.robot import Mast, Robot
 from robot_stack.perception import ground
-from robot_stack.perception.crop import beside_mast, boxes, crop
+from robot_stack.perception.crop import UPRIGHT, beside_mast, boxes, crop
 from robot_stack.perception.deskew import LEVEL, Attitude, Motion, deskew
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.polar import Sorted, make_grid, sort_points
@@ -72,9 +72,15 @@ class SensorView:
         up, slope_deg = self._sensor.highest_slope(), self._params.ground.max_slope_deg
         return SweepViews(self.grid, reach_m, floor_m, self._reach.ring_spacing_rad, slope_deg, up)
 
-    def points(self, points: Points, stamp_s: float, motion: Motion, chair: bool) -> tuple[Float, int]:
-        """Cropped and de-skewed: (n, 3) base_link at the stamp, and how many points were not finite."""
-        xyz, times, broken = crop(points, self.mount, self.cut[chair], self._range_m, self.turned)
+    def points(
+        self, points: Points, stamp_s: float, motion: Motion, chair: bool, lean: Float = UPRIGHT
+    ) -> tuple[Float, int]:
+        """Cropped and de-skewed: (n, 3) base_link at the stamp, and how many points were not finite.
+
+        lean: of an attached chair, see ``UPRIGHT``."""
+        xyz, times, broken = crop(
+            points, self.mount, self.cut[chair], self._range_m, self.turned, lean if chair else UPRIGHT
+        )
         if self._mast is not None:
             kept = ~beside_mast(xyz, self.xy_m, self._mast, self._margin_rad)
             xyz, times = xyz[kept], times[kept]

@@ -47,7 +47,8 @@ class Footing:
         self._pose: Pose2 | None = None
         self._own: Footprint | None = None
         self._margin_m = space.attach_margin_m
-        self._up_m = 0.0
+        self._up_m, self._rise = 0.0, 0.0
+        self._steepest = math.tan(math.radians(params.slope_deg))
         self._points = np.empty((_MOST_POINTS, 3), np.float32)
         self._limits = np.array(
             [
@@ -65,12 +66,13 @@ class Footing:
     def forget(self) -> None:
         """Clears all heights."""
         self._returns[:], self._known[:], self._drop[:] = 0.0, False, False
-        self._pose, self._up_m = None, 0.0
+        self._pose, self._up_m, self._rise = None, 0.0, 0.0
 
     def observe(self, floor: Float, tilt: tuple[float, float], pose: Pose2, own: Footprint) -> None:
         """floor: (n, 4) x, y, z of ground, base_link levelled, m, and of how many returns, see ``View``. tilt: by
         how much base_link's x and y axes rise. own: the footprint in force; what is beneath it, the robot stands on."""
         self._move_to(pose, tilt)
+        self._rise = tilt[0]
         at = _array(pose)
         if own is not self._own:
             # Heights measured there before the chair was attached may be of the chair.
@@ -90,6 +92,16 @@ class Footing:
         if self._own is not None:
             _fill(self._drop, self._corner, self._cell_m, _array(pose), _rectangle(self._own, 0.0), False)
         return self._listed(self._drop, pose)
+
+    def bends(self, pose: Pose2, from_m: float) -> float:
+        """By how much less the ground rises along base_link's x axis beneath the footprint, from ``from_m`` on, than
+        base_link; at most the steepest ramp. 0 where it rises more, or is unknown."""
+        if self._own is None:
+            return 0.0
+        rect = _rectangle(self._own, 0.0)
+        rect[0] = from_m
+        rise = _rise(self._ground_m, self._returns, self._corner, self._cell_m, _array(pose), rect)
+        return min(max(self._rise - rise, 0.0), self._steepest) if math.isfinite(rise) else 0.0
 
     @property
     def drop(self) -> Mask:
@@ -182,6 +194,32 @@ def _fill(cells: Any, corner: Corner, cell_m: float, pose: Floats, rect: Floats,
             x, y = pose[2] * dx + pose[3] * dy, pose[2] * dy - pose[3] * dx
             if rect[0] <= x <= rect[1] and abs(y) <= rect[2]:
                 cells[row, column] = value
+
+
+@compiled(error_model="numpy")
+def _rise(ground: Float, returns: Float, corner: Corner, cell_m: float, pose: Floats, rect: Floats) -> float:
+    """Slope along base_link's x axis of the line of least squares through the heights in a rectangle: rear, front, half
+    width in base_link, m. NaN unless heights are known in half of its cells."""
+    rows, columns = ground.shape
+    reach = int(math.hypot(max(rect[1], -rect[0]), rect[2]) / cell_m) + 2
+    at_row, at_column = math.floor(pose[1] / cell_m) - corner[1], math.floor(pose[0] / cell_m) - corner[0]
+    known, cells, sum_x, sum_z, sum_xx, sum_xz = 0, 0, 0.0, 0.0, 0.0, 0.0
+    for row in range(max(at_row - reach, 0), min(at_row + reach + 1, rows)):
+        dy = (row + corner[1] + 0.5) * cell_m - pose[1]
+        for column in range(max(at_column - reach, 0), min(at_column + reach + 1, columns)):
+            dx = (column + corner[0] + 0.5) * cell_m - pose[0]
+            x, y = pose[2] * dx + pose[3] * dy, pose[2] * dy - pose[3] * dx
+            if not (rect[0] <= x <= rect[1] and abs(y) <= rect[2]):
+                continue
+            cells += 1
+            if returns[row, column] > np.float32(0.0):
+                z = ground[row, column]
+                known += 1
+                sum_x, sum_z, sum_xx, sum_xz = sum_x + x, sum_z + z, sum_xx + x * x, sum_xz + x * z
+    spread = known * sum_xx - sum_x * sum_x
+    if 2 * known < cells or spread <= 0.0:
+        return math.nan
+    return (known * sum_xz - sum_x * sum_z) / spread
 
 
 @compiled(error_model="numpy")

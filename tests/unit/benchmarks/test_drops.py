@@ -47,6 +47,15 @@ def test_with_the_chair_a_kerb_down_of_3_cm_is_driven() -> None:
     assert play(case(0.03, run_s=10.0, to_m=5.0)).passed
 
 
+def test_over_a_crest_the_passenger_who_leans_ahead_stops_nothing() -> None:
+    """The chair turns about the latch: on top of a ramp of 10 deg the head is 0.2 m farther ahead of the robot."""
+    ramp = Ramp(name="r", x_m=0.0, y_m=0.0, slope_deg=9.9, height_m=0.6, width_m=3.0, top_length_m=6.0)
+    place = load_world("flat").model_copy(update={"ramps": [ramp]})
+    start, to_m = Pose2(ramp.run_m - 0.6, 0.0, 0.0), 0.9
+    legs = (Leg(Twist2(0.3, 0.0, 0.0), to_m), Leg(Twist2(0.0, 0.0, 0.0), math.inf))
+    assert play(Case(7, "a crest", True, place, start, legs, 8.0, to_m)).passed
+
+
 def test_a_robot_that_stands_on_a_ramp_is_tilted_as_it_is() -> None:
     ramp = Ramp(name="r", x_m=1.0, y_m=0.0, slope_deg=10.0, height_m=0.6, width_m=3.0, top_length_m=2.0)
     place = load_world("flat").model_copy(update={"ramps": [ramp], "pits": world(0.03, at_m=20.0).pits})

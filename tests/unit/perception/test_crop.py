@@ -86,3 +86,19 @@ def test_remaining_points_are_finite_outside_the_boxes_and_in_range(seen: np.nda
     inside = ((xyz >= cut[0, ::2]) & (xyz <= cut[0, 1::2])).all(axis=1)
     assert not inside.any()
     assert load_robot().lidar_xyz_m == (0.2, 0.0, 0.7)
+
+
+def test_the_chairs_box_leans_ahead_above_its_hinge(robot: Robot, params: PerceptionParams) -> None:
+    """At a crest of 10 deg the passenger's head is 0.2 m ahead of where it is on level ground."""
+    lean = np.array([0.17, robot.latch.height_m], np.float32)
+    front_m = robot.footprint_with_chair.front_m + params.crop.robot_margin_m
+    head_m = front_m + 0.17 * (1.2 - robot.latch.height_m)
+    xyz = np.array([[head_m - 0.02, 0.0, 1.2], [head_m + 0.02, 0.0, 1.2], [front_m + 0.02, 0.0, 0.1]], np.float32)
+    cut = boxes(robot, params.crop, chair=True)
+    points = cloud(xyz - MOUNT)
+    np.testing.assert_allclose(crop(points, MOUNT, cut, RANGE_M, lean=lean)[0], xyz[1:], atol=1e-6)
+    np.testing.assert_allclose(kept(points, cut), xyz, atol=1e-6)
+    # The box of the robot itself does not lean.
+    behind = cloud(np.array([[robot.footprint.front_m + 0.07, 0.0, 0.9]]) - MOUNT)
+    alone = np.concatenate([boxes(robot, params.crop, chair=False), np.full((1, 6), 9.0, np.float32)])
+    assert len(crop(behind, MOUNT, alone, (0.1, 60.0), lean=lean)[0]) == 1

@@ -107,3 +107,10 @@ def test_roll_and_pitch_of_a_quaternion(roll: float, pitch: float) -> None:
 def test_no_orientation_is_no_attitude() -> None:
     assert attitude_of(0.0, 0.0, 0.0, 0.0) is None
     assert attitude_of(math.nan, 0.0, 0.0, 1.0) is None
+
+
+@pytest.mark.parametrize(("roll", "pitch"), [(0.0, 0.0), (0.1, -0.2), (-0.15, 0.17)])
+def test_attitude_of_a_tilt(roll: float, pitch: float) -> None:
+    level = Attitude(roll, pitch).matrix()
+    found = Attitude.of_tilt((float(level[2, 0]), float(level[2, 1])))
+    assert (found.roll_rad, found.pitch_rad) == pytest.approx((roll, pitch))

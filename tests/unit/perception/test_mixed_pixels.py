@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,9 +13,11 @@ from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from robot_stack.core.point_cloud import SWEEP
 from robot_stack.core.robot import Robot, load_robot
 from robot_stack.core.robot_shape import load_robot_shape, planar
+from robot_stack.perception.deskew import LEVEL, Attitude
 from robot_stack.perception.mixed_pixels import ChairEdges
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Pipeline
+from robot_stack.perception.space.view import view_of_beams
 from sim.camera.motion import still
 from sim.lidar.bodies import robot_shapes
 from sim.lidar.params import load_lidar_params
@@ -90,3 +94,33 @@ def test_few_points_beside_the_chair_are_no_obstacle_and_many_are(params: Percep
         assert len(edges.without_sparse(np.array([elsewhere], np.float32), few, few.points_min)) == 1
     edges.look(chair[2:])
     assert len(edges.without_sparse(behind[None], few, few.points_min)) == 1
+
+
+@pytest.mark.parametrize("attitude", [LEVEL, Attitude(0.05, 0.17), Attitude(-0.05, -0.17)])
+def test_ground_beside_the_chair_is_no_ground_however_the_robot_is_tilted(attitude: Attitude) -> None:
+    """On a ramp a beam that mixed the passenger's knees with the ground raised the ground by 0.18 m: an edge."""
+    mount = np.array([0.2, 0.0, 1.9], np.float32)
+    box = np.array([0.45, 1.45, -0.45, 0.45, -0.3, 1.6], np.float32)
+    edges = ChairEdges(mount, None, box, (np.radians(1.4), np.radians(0.7)))
+    knees, chair = np.array([1.42, 0.1, 0.6], np.float32), np.zeros(1, SWEEP)
+    chair["x"], chair["y"], chair["z"] = (knees - mount)[:, None]
+    edges.look(chair)
+    mixed, clear = mount + 1.3 * (knees - mount), mount + 1.3 * (knees - mount) + np.array([0.6, 0.0, 0.0], np.float32)
+    level = attitude.matrix()
+    floor = np.ones((2, 4), np.float32)
+    floor[:, :3] = np.stack([mixed, clear]) @ level.T
+    view = view_of_beams(0.0, (0.2, 0.0, 1.9), np.empty((0, 3), np.float32), *(np.zeros(0, np.bool_),) * 2, 3.0)
+    view = replace(view, floor=floor, tilt=(float(level[2, 0]), float(level[2, 1])))
+    np.testing.assert_array_equal(edges.without(view).floor, floor[1:])
+
+
+def test_a_chair_that_leans_is_found_where_it_leans_to() -> None:
+    mount, hinge_m = np.array([0.2, 0.0, 1.9], np.float32), 0.17
+    box = np.array([0.45, 1.45, -0.45, 0.45, -0.3, 1.6], np.float32)
+    edges = ChairEdges(mount, None, box, (np.radians(1.4), np.radians(0.7)))
+    head, chair = np.array([[1.5, 0.0, 1.2]], np.float32), np.zeros(1, SWEEP)
+    chair["x"], chair["y"], chair["z"] = (head - mount).T
+    edges.look(chair)
+    assert not edges.beside(head).any()
+    edges.look(chair, np.array([0.17, hinge_m], np.float32))
+    assert edges.beside(head).all()

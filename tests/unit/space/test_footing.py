@@ -159,6 +159,60 @@ def test_heights_are_those_of_one_plane_however_the_robot_climbs() -> None:
         assert len(found.edges(Pose2(float(x), 0.0, 0.0))) == 0
 
 
+# --- how the ground beneath the chair bends ---------------------------------------------------------------------------
+
+FROM_M, UP_10_DEG = OWN.front_m, math.tan(math.radians(10.0))
+
+
+def bends(surface: Surface, tilt: float = 0.0, at: Pose2 = IDENTITY, low_m: float = 9.0) -> float:
+    """With a chair, after its ground was measured by the robot alone; not between ``low_m`` and the front."""
+    robot = load_robot()
+    found = Footing(PARAMS.footing, PARAMS.space)
+    points = between(floor(surface, noise_m=0.014), low_m, 9.0)
+    points[:, :2] = points[:, :2] @ np.array(
+        [[math.cos(at.yaw), math.sin(at.yaw)], [-math.sin(at.yaw), math.cos(at.yaw)]]
+    )
+    found.observe(points, (tilt, 0.0), Pose2(at.x, at.y, 0.0), robot.footprint_with_chair)
+    found.observe(points[:0], (tilt, 0.0), at, robot.footprint_with_chair)
+    return found.bends(at, FROM_M)
+
+
+@pytest.mark.parametrize("at", [IDENTITY, Pose2(3.0, -2.0, 0.8), Pose2(-7.0, 1.0, -2.5)])
+def test_a_chair_beyond_a_crest_leans_by_the_slope(at: Pose2) -> None:
+    assert bends(lambda x: UP_10_DEG * np.minimum(x, FROM_M), UP_10_DEG, at) == pytest.approx(UP_10_DEG, abs=0.01)
+
+
+def test_a_chair_half_beyond_a_crest_leans_by_less() -> None:
+    assert 0.03 < bends(lambda x: UP_10_DEG * np.minimum(x, 0.95), UP_10_DEG) < 0.14
+
+
+@pytest.mark.parametrize(
+    ("surface", "tilt"),
+    [
+        (step_down(0.0), 0.0),
+        (lambda x: UP_10_DEG * x, UP_10_DEG),
+        (slope_down(10.0), -UP_10_DEG),
+        (lambda x: UP_10_DEG * np.maximum(x - FROM_M, 0.0), 0.0),
+    ],
+    ids=["level", "up", "down", "foot"],
+)
+def test_a_chair_on_even_ground_or_at_a_foot_does_not_lean(surface: Surface, tilt: float) -> None:
+    assert bends(surface, tilt) == pytest.approx(0.0, abs=0.01)
+
+
+def test_a_chair_leans_no_more_than_a_ramp() -> None:
+    assert bends(slope_down(30.0), 0.0) == pytest.approx(math.tan(math.radians(PARAMS.footing.slope_deg)))
+
+
+def test_a_chair_on_ground_that_was_not_measured_does_not_lean() -> None:
+    crest = lambda x: UP_10_DEG * np.minimum(x, FROM_M)  # noqa: E731
+    assert bends(crest, UP_10_DEG, low_m=0.9) == 0.0
+    assert Footing(PARAMS.footing, PARAMS.space).bends(IDENTITY, FROM_M) == 0.0
+    found = Footing(PARAMS.footing, PARAMS.space)
+    found.observe(np.empty((0, 4), np.float32), (UP_10_DEG, 0.0), IDENTITY, OWN)
+    assert found.bends(IDENTITY, OWN.rear_m) == 0.0
+
+
 # --- where known ground ends -----------------------------------------------------------------------------------------
 
 
