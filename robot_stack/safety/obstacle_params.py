@@ -55,7 +55,8 @@ class PedestrianCollisionParams(Config):
     if that is more, the share ``drift_share`` of the body's speed.
     reaction_s: from a person's position to the robot's brakes. The speed is limited so that no stop is needed within
     ``ahead_s``, in ``shares`` equal steps. A motion is predicted to ``horizon_s`` in steps of ``step_s``. After a
-    person walks up to the robot within ``ahead_s``, it holds for ``hold_s`` while anything is nearer than ``beside_m``.
+    person walks up to the robot within ``ahead_s``, it holds for ``hold_s`` while anything is nearer than ``beside_m``,
+    or was and is gone by more than ``leaves_m`` within a tick.
     """
 
     margin_m: NotNegative
@@ -67,6 +68,7 @@ class PedestrianCollisionParams(Config):
     horizon_s: Positive
     step_s: Positive
     beside_m: Positive
+    leaves_m: Positive
     hold_s: Positive
 
 

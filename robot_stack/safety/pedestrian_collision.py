@@ -35,11 +35,15 @@ NO_COLLISION = PedestrianCollision()
 
 class PedestrianCollisionWatch:
     """Call ``judge`` at every tick, steady s. Remembers a person who has just walked up, because the motion of people
-    beside the robot is not observed: while an obstacle is beside it, it holds for ``hold_s`` to let them go on."""
+    beside the robot is not observed: while an obstacle is beside it, it holds for ``hold_s`` to let them go on.
+
+    An obstacle that is gone from one tick to the next was not seen leaving: a pole that leans on the chair returns
+    nothing, because its place counts as the chair's. It counts as beside the robot until something else is."""
 
     def __init__(self, params: PedestrianCollisionParams, brake_mps2: float) -> None:
         self._params, self._brake_mps2 = params, brake_mps2
         self._came_s: float | None = None
+        self._beside_m = math.inf  # of the nearest obstacle, unless it was lost from there
 
     def judge(
         self, moving: Floats, nearest_m: float, body: Outline, motions: list[Twist2], request: Twist2, now_s: float
@@ -53,8 +57,13 @@ class PedestrianCollisionWatch:
         stop = share == 0.0 or any(self._too_late(moving, body, twist) for twist in motions)
         if self._arrives(moving, body):
             self._came_s = now_s
-        held = age_s(now_s, self._came_s) <= p.hold_s and nearest_m <= p.beside_m
+        if not nearest_m - self._beside_m > p.leaves_m or not self._waits(now_s):
+            self._beside_m = nearest_m
+        held = self._waits(now_s) and self._beside_m <= p.beside_m
         return PedestrianCollision(stop or (held and requests > _TINY), share * requests if share < 1.0 else math.inf)
+
+    def _waits(self, now_s: float) -> bool:
+        return age_s(now_s, self._came_s) <= self._params.hold_s
 
     def _arrives(self, moving: Floats, body: Outline) -> bool:
         """True if a body is about to reach the present footprint, whatever the robot's motion."""

@@ -107,6 +107,37 @@ def test_robot_waits_for_an_arrived_pedestrian_while_an_object_is_beside_it() ->
     assert not stop(NONE, 0.1, 10.0 + P.hold_s + 0.01)
 
 
+@pytest.mark.parametrize(("jump_m", "waits"), [(P.leaves_m + 0.01, True), (P.leaves_m - 0.01, False)])
+def test_robot_waits_for_an_arrived_body_that_is_lost_beside_it(jump_m: float, waits: bool) -> None:
+    watch, lost_m = PedestrianCollisionWatch(P, BRAKE_MPS2), P.beside_m + 0.01
+
+    def stop(moving: NDArray[np.float64], nearest_m: float, now_s: float) -> bool:
+        return watch.judge(moving, nearest_m, BODY, [SLOW], SLOW, now_s).stop
+
+    assert stop(who(0.0, 0.8, 0.0, -1.0), 0.45, 10.0)
+    assert stop(NONE, lost_m - jump_m, 10.05)
+    for now_s in (10.1, 10.0 + P.hold_s - 0.01):
+        assert stop(NONE, lost_m, now_s) == waits
+    assert not stop(NONE, lost_m, 10.0 + P.hold_s + 0.01)
+
+
+def test_a_body_that_is_found_again_may_leave_in_view() -> None:
+    watch = PedestrianCollisionWatch(P, BRAKE_MPS2)
+    assert watch.judge(who(0.0, 0.8, 0.0, -1.0), 0.08, BODY, [SLOW], SLOW, 10.0).stop
+    assert watch.judge(NONE, math.inf, BODY, [SLOW], SLOW, 10.05).stop
+    for nearest_m in (0.2, 0.5):
+        assert watch.judge(NONE, nearest_m, BODY, [SLOW], SLOW, 10.1).stop
+    assert not watch.judge(NONE, 0.8, BODY, [SLOW], SLOW, 10.15).stop
+
+
+def test_a_body_lost_before_the_hold_is_none_of_the_next() -> None:
+    watch = PedestrianCollisionWatch(P, BRAKE_MPS2)
+    assert watch.judge(who(0.0, 0.8, 0.0, -1.0), 0.08, BODY, [SLOW], SLOW, 10.0).stop
+    assert not watch.judge(NONE, 9.0, BODY, [SLOW], SLOW, 20.0).stop
+    assert watch.judge(who(0.0, 0.8, 0.0, -1.0), 9.0, BODY, [SLOW], SLOW, 20.05).stop
+    assert not watch.judge(NONE, 9.0, BODY, [SLOW], SLOW, 20.1).stop
+
+
 def test_robot_does_not_wait_for_a_distant_pedestrian() -> None:
     watch = PedestrianCollisionWatch(P, BRAKE_MPS2)
     assert watch.judge(who(2.4, 0.0, -2.0, 0.0), 9.0, BODY, [AHEAD], AHEAD, 10.0).stop
