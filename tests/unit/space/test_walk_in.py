@@ -381,3 +381,23 @@ def test_a_person_who_stopped_before_the_passenger_and_bends_down_permits_no_sta
     yard.at["who"], yard.at["bent"] = None, yard.at["who"]
     yard.run(1.0)
     assert "COLLISION_IMMINENT" in verdict(yard, START).faults
+
+
+def test_a_cart_that_the_robots_advance_hid_may_come_nearer_and_the_robot_creeps() -> None:
+    """A residual hazard: no sensor tells it from a static object that the robot has driven up to.
+
+    What it left hidden is unseen, so that the robot creeps wherever it may be."""
+    half_m, front_m = 0.30, ROBOT.footprint_with_chair.front_m
+    yard = driven_up(cart=Block(half_m, 0.25, 0.05, 0.25))
+    come(yard, "cart", (front_m + 1.7 + half_m, 1.5), (front_m + 1.7 + half_m, 0.0), 0.5).run(1.0)
+    yard.run(3.5, Twist2(0.3, 0.0, 0.0)).run(1.0)
+    assert yard.scene is not None
+    stored_m = 1.7 - 3.5 * 0.3
+    for gap_m in (stored_m, 0.1):
+        yard.at["cart"] = (yard.pose.x + front_m + gap_m + half_m, 0.0)
+        yard.run(1.0)
+        ahead = yard.scene.obstacles[(np.abs(yard.scene.obstacles[:, 1]) < 0.4) & (yard.scene.obstacles[:, 0] > 0.0)]
+        assert ahead[:, 0].min() - front_m == pytest.approx(stored_m, abs=0.1)
+        assert 0.0 < verdict(yard, START).limit.linear_mps < 0.31
+        assert verdict(yard, TURN).limit.linear_mps < 0.31
+        assert "WAY_UNSEEN" in verdict(yard, TURN).limit.codes
