@@ -13,7 +13,7 @@ from robot_stack.contract.model import SafetyAction, SafetyState
 from robot_stack.core.geometry import Twist2
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.safety.chair_watch import ChairWatch, LatchStatement
-from robot_stack.safety.inputs import LatchReading
+from robot_stack.safety.inputs import Finding, LatchReading, Level
 from robot_stack.safety.monitor import Memory
 from tests.unit.safety.story import CLOSED, OPEN, PARAMS, Story
 
@@ -242,3 +242,53 @@ def test_a_chair_that_is_stated_free_as_the_latch_opens_is_not_let_go() -> None:
     found.contacts(NEITHER)
     assert found.loose(stands=False).level.name == "CLEAR"
     assert found.not_held(None, 0.0).level.name == "CLEAR"
+
+
+# --- the watch alone -------------------------------------------------------------------------------------------------
+
+LIMIT = SpeedLimit(0.15, 0.1)
+
+
+def watch(*readings: LatchReading, statement: LatchStatement | None = HELD) -> ChairWatch:
+    found = ChairWatch(attached=True, undocking_limit=LIMIT, stale_s=STALE_S)
+    for reading in readings:
+        found.contacts(reading)
+        found.loose(stands=False)
+    if statement is not None:
+        found.stated(statement, 10.0)
+    return found
+
+
+def test_a_loose_chair_asks_for_an_emergency_stop() -> None:
+    chair = watch(CLOSED)
+    chair.contacts(NEITHER)
+    assert chair.loose(stands=False) == Finding(Level.PRESENT, SafetyAction.EMERGENCY_STOP, detail=NEITHER.describe())
+
+
+def test_a_chair_that_is_not_held_says_what_to_do() -> None:
+    found = watch(OPEN).not_held(None, 10.0)
+    assert found == Finding(Level.PRESENT, SafetyAction.STOP, detail=f"{OPEN.describe()}: undock")
+
+
+@pytest.mark.parametrize(
+    ("reading", "statement", "source", "limited"),
+    [
+        (NEITHER, UNDOCKING, None, True),
+        (NEITHER, UNDOCKING, topics.DOCKING_CMD_VEL.name, True),
+        (NEITHER, UNDOCKING, topics.TELEOP_CMD_VEL.name, False),
+        (NEITHER, HELD, None, False),
+        (CLOSED, UNDOCKING, None, False),
+    ],
+)
+def test_the_limit_of_undocking_applies_to_a_chair_that_is_not_held(
+    reading: LatchReading, statement: LatchStatement, source: str | None, limited: bool
+) -> None:
+    assert watch(reading, statement=statement).undocking(source, 10.0) == (LIMIT if limited else None)
+
+
+def test_a_statement_is_fresh_up_to_its_limit() -> None:
+    chair = ChairWatch(attached=True, undocking_limit=LIMIT, stale_s=0.5)
+    chair.contacts(NEITHER)
+    chair.stated(UNDOCKING, 10.0)
+    assert chair.undocking(None, 10.5) == LIMIT
+    assert chair.undocking(None, 10.51) is None

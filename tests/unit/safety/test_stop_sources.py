@@ -9,7 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_stack.core.stop_presence import Presence, describe_presence, parse_presence
-from robot_stack.safety.stop_sources import MOST_SOURCES, UNKNOWN, Press, SourcePresence, SourceReport, StopSources
+from robot_stack.safety.stop_sources import (
+    MOST_SOURCES,
+    UNKNOWN,
+    Arrivals,
+    Press,
+    SourcePresence,
+    SourceReport,
+    StopSources,
+)
 
 EXPLAIN_S, DISCOVERY_S, STALE_S = 2.0, 8.0, 1.0
 NO_AUTHOR = "a true on /emergency_stop whose source has not reported yet"
@@ -359,3 +367,48 @@ def test_presence_is_evaluated_only_after_settling() -> None:
     assert presence.missing(0.51, True, 4.1)
     assert presence.missing(math.inf, False, 4.2)
     assert not presence.missing(0.1, True, 4.3)
+
+
+# --- what a report explains, at its limits ---------------------------------------------------------------------------
+
+
+def test_no_arrival_is_none() -> None:
+    arrivals = Arrivals()
+    arrivals.add(1.0, 0)
+    assert not arrivals
+
+
+def test_a_report_explains_a_true_once() -> None:
+    """The true that came before the report is no reason to expect another."""
+    bench = Bench().repeats("a", False).says("a", True)
+    assert bench.nobody_says(True).standing == f"pressed by a; {NO_AUTHOR}"
+
+
+def test_a_new_process_explains_earlier_trues_once() -> None:
+    """One has become unknown and one still waits: both are its own, and no third is expected."""
+    bench = Bench().repeats("a", False).after(DISCOVERY_S + 0.1).nobody_says(True).after(EXPLAIN_S + 0.1)
+    bench.repeats("a", False).nobody_says(True)
+    assert bench.standing == f"pressed by unknown; {NO_AUTHOR}"
+    bench.sources.report(SourceReport("b", 1, 2, True), bench.now_s)
+    assert bench.standing == "pressed by b"
+    assert bench.nobody_says(True).standing == f"pressed by b; {NO_AUTHOR}"
+
+
+def test_as_many_sources_as_fit_are_all_present() -> None:
+    bench = Bench()
+    for index in range(MOST_SOURCES):
+        bench.repeats(f"source {index:03}", True)
+        bench.after(0.001)
+    assert set(bench.sources.presence(bench.now_s).values()) == {Presence.THERE}
+    assert bench.sources.age_s("source 000", bench.now_s) == pytest.approx(0.001 * MOST_SOURCES)
+
+
+def test_the_sources_that_have_been_silent_longest_make_room() -> None:
+    """They are neither the first nor the last by name."""
+    bench, names = Bench(), [f"source {index:03}" for index in range(MOST_SOURCES + 2)]
+    oldest = [names[9], names[3]]
+    for name in (*oldest, *(name for name in names if name not in oldest)):
+        bench.repeats(name, True)
+        bench.after(0.001)
+    found = bench.sources.presence(bench.now_s)
+    assert {name for name, presence in found.items() if presence is Presence.GONE} == set(oldest)
