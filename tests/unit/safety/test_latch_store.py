@@ -76,6 +76,7 @@ def test_first_start_has_an_empty_memory_and_writes_both_copies(disk: Disk) -> N
     disk.worker.finish()
     assert disk.copies() == [Memory(), Memory()]
     assert not disk.folder.with_name("safety.new").exists()
+    assert disk.witness.read_bytes() == b""
 
 
 def test_only_changed_memory_is_saved(disk: Disk) -> None:
@@ -198,6 +199,8 @@ def test_a_copy_that_another_user_may_write_is_damaged(disk: Disk, mode: int) ->
     disk.shadow.write_bytes(FORGED)
     disk.shadow.chmod(mode)
     assert disk.load() == Memory(("TILT", "ESTOP_PRESSED"), True)
+    with pytest.raises(ValueError, match=r"^another user may have written it$"):
+        latch_store._read_own(disk.shadow)
 
 
 def test_a_copy_in_a_folder_where_another_user_may_replace_it_is_damaged(disk: Disk) -> None:
@@ -444,7 +447,8 @@ def test_latch_file_is_private_to_its_user(disk: Disk) -> None:
     finally:
         os.umask(before)
     assert stat.S_IMODE(disk.folder.stat().st_mode) == 0o700
-    assert [stat.S_IMODE((disk.folder / name).stat().st_mode) for name in COPIES] == [0o600] * 2
+    copies = [*(disk.folder / name for name in COPIES), disk.shadow]
+    assert [stat.S_IMODE(copy.stat().st_mode) for copy in copies] == [0o600] * 3
 
 
 def test_a_new_copy_s_name_is_on_the_disk_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
