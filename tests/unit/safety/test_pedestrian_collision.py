@@ -121,6 +121,12 @@ def test_robot_waits_for_an_arrived_body_that_is_lost_beside_it(jump_m: float, w
     assert not stop(NONE, lost_m, 10.0 + P.hold_s + 0.01)
 
 
+def test_a_body_that_is_farther_by_exactly_as_much_has_left() -> None:
+    watch = PedestrianCollisionWatch(P.model_copy(update={"leaves_m": 0.5, "beside_m": 0.5}), BRAKE_MPS2)
+    assert watch.judge(who(0.0, 0.8, 0.0, -1.0), 0.25, BODY, [SLOW], SLOW, 10.0).stop
+    assert not watch.judge(NONE, 0.75, BODY, [SLOW], SLOW, 10.05).stop
+
+
 def test_a_body_that_is_found_again_may_leave_in_view() -> None:
     watch = PedestrianCollisionWatch(P, BRAKE_MPS2)
     assert watch.judge(who(0.0, 0.8, 0.0, -1.0), 0.08, BODY, [SLOW], SLOW, 10.0).stop
