@@ -9,6 +9,7 @@ from typing import Any
 from sim.run.scenario import Scenario
 from sim.stack.faults import PlannedFault
 from sim.stack.run import RunOptions, ScheduledRun
+from tests.simulated.shared import shareable
 
 OPEN_GROUND = {"x_m": -0.3, "y_m": 8.8, "yaw_deg": 0.0}
 STAGING = {"x_m": -2.05, "y_m": 11.0, "yaw_deg": 180.0}
@@ -20,13 +21,24 @@ def scenario(start: dict[str, float], **content: Any) -> Scenario:
     return Scenario.model_validate({**fixed, "start": start, **content})
 
 
+@shareable
 @contextmanager
 def ride(*faults: PlannedFault, mission: str | None = None, seed: int = 1) -> Iterator[ScheduledRun]:
     """A started run: to a goal straight ahead over open ground, or a mission from the chair's staging pose."""
     content: dict[str, Any] = {"goals": [AHEAD]} if mission is None else {"mission": mission}
     start = OPEN_GROUND if mission is None else STAGING
-    with ScheduledRun(scenario(start, **content), seed, RunOptions(light=True, faults=faults)) as run:
+    options = RunOptions(light=True, parallel=False, faults=faults)
+    with ScheduledRun(scenario(start, **content), seed, options) as run:
         run.start()
+        yield run
+
+
+@shareable
+@contextmanager
+def riding() -> Iterator[ScheduledRun]:
+    """The ride to the goal, at nearly full speed."""
+    with ride() as run:
+        assert run.stack.scheduler.run_for(8.0, lambda: speed_mps(run) > 0.7), f"only {speed_mps(run):.2f} m/s"
         yield run
 
 

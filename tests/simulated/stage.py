@@ -22,6 +22,7 @@ from sim.run.scenario import Scenario
 from sim.settings import pose_settings
 from sim.stack.run import RunOptions, ScheduledRun
 from sim.worldfile import Place
+from tests.simulated.shared import shareable
 from tests.simulated.story import Goal, Story
 
 DOCK = "chair_1"
@@ -255,6 +256,7 @@ class Stage(Story):
             self.publisher(topics.TELEOP_CMD_VEL).publish(self._stick)
 
 
+@shareable
 @contextmanager
 def staged(
     world: str = "flat",
@@ -287,6 +289,7 @@ def staged(
         stage.assert_well()
 
 
+@shareable
 @contextmanager
 def staged_before_chair(start: Pose2, *settings: str, seed: int = 1) -> Iterator[Stage]:
     """On even asphalt near the staging pose; the localization starts exactly at the staging pose."""
@@ -301,4 +304,13 @@ def staged_before_chair(start: Pose2, *settings: str, seed: int = 1) -> Iterator
         start=staging.compose(start),
         seed=seed,
     ) as stage:
+        yield stage
+
+
+@shareable
+@contextmanager
+def docked(start: Pose2) -> Iterator[Stage]:
+    """As ``staged_before_chair``, with the wheelchair attached."""
+    with staged_before_chair(start) as stage:
+        stage.be_docked()
         yield stage

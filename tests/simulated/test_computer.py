@@ -5,6 +5,7 @@ from __future__ import annotations
 from robot_stack.contract import services, topics
 from robot_stack.contract.model import Service
 from robot_stack.core.robot import load_robot
+from tests.simulated.shared import shared
 from tests.simulated.stage import staged
 
 SPEED_MPS = 0.3
@@ -19,6 +20,7 @@ TROUBLES: tuple[tuple[str, Service, str, str], ...] = (
 )
 
 
+@shared(staged)
 def test_each_is_reported_while_the_robot_drives_on_and_ends_with_its_cause() -> None:
     """/safety/status contains the row and /robot_status the field; no row slows or stops the robot."""
     full_mps = load_robot().empty.max_speed_mps

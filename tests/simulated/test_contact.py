@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from robot_stack.core.geometry import IDENTITY
+from tests.simulated.shared import shared
 from tests.simulated.stage import Stage, staged, staged_before_chair
 
 
@@ -44,6 +45,7 @@ def test_a_wheelchair_that_meets_the_robot_is_a_contact_until_it_is_taken_away()
         assert not engine_stopped(stage)
 
 
+@shared(staged)
 @pytest.mark.parametrize("target", ["left", "relay"])
 def test_a_cut_wire_stops_the_robot_and_refuses_the_reset(target: str) -> None:
     with staged() as stage:
@@ -64,6 +66,7 @@ def test_a_cut_wire_stops_the_robot_and_refuses_the_reset(target: str) -> None:
         stage.wait_faster(0.2)
 
 
+@shared(staged)
 def test_an_edge_pressed_in_motion_stops_the_robot_by_the_engine_alone() -> None:
     """All processes that could stop the robot hang: only the relay's input of the engine is left."""
     with staged() as stage:

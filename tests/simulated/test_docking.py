@@ -16,7 +16,8 @@ from custom_msgs.action import Dock
 from robot_stack.contract import actions, services, topics
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
-from tests.simulated.stage import staged, staged_before_chair
+from tests.simulated.shared import shared
+from tests.simulated.stage import docked, staged, staged_before_chair
 
 CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
 START = Pose2(0.2, 0.3, math.radians(10.0))
@@ -71,9 +72,9 @@ def test_a_marker_covered_and_a_chair_moved_end_in_a_docking() -> None:
         assert yaw_rad < math.radians(0.1)
 
 
+@shared(docked, START)
 def test_killed_controller_keeps_the_wheelchair_after_restart() -> None:
-    with staged_before_chair(START) as stage:
-        stage.be_docked()
+    with docked(START) as stage:
         stage.kill("docking_controller")
         stage.wait_restarted("docking_controller")
         stage.wait_docking("DOCKED", 10.0)

@@ -5,11 +5,8 @@ from __future__ import annotations
 import pytest
 
 from sim.stack.faults import PlannedFault
-from tests.simulated.faulty_ride import broken, go_on, ride, rows, speed_mps, wait_for_row
-
-
-def _riding(run) -> None:
-    assert run.stack.scheduler.run_for(8.0, lambda: speed_mps(run) > 0.7), f"only {speed_mps(run):.2f} m/s"
+from tests.simulated.faulty_ride import broken, go_on, ride, riding, rows, speed_mps, wait_for_row
+from tests.simulated.shared import shared
 
 
 def _stops(run, within_s: float) -> None:
@@ -17,9 +14,9 @@ def _stops(run, within_s: float) -> None:
     assert speed_mps(run) < 0.02
 
 
+@shared(riding)
 def test_lost_joint_states_stop_the_robot_until_a_reset() -> None:
-    with ride() as run:
-        _riding(run)
+    with riding() as run:
         run.stack.faults.inject("messages_lost", "/joint_states>safety_monitor", duration_s=0.3)
         wait_for_row(run, "JOINT_STATES_TIMEOUT", 0.3)
         assert run.safety.safety_state == run.safety.EMERGENCY_STOP
@@ -29,9 +26,9 @@ def test_lost_joint_states_stop_the_robot_until_a_reset() -> None:
         assert broken(run) == []
 
 
+@shared(riding)
 def test_a_robot_that_ignores_its_limit_is_stopped() -> None:
-    with ride() as run:
-        _riding(run)
+    with riding() as run:
         run.stack.faults.inject("messages_corrupted", "/safety/velocity_limit:max_linear_velocity=1.5", duration_s=4.0)
         run.stack.faults.inject("imu_silent", duration_s=4.0)
         wait_for_row(run, "OVERSPEED", 3.0)
@@ -39,9 +36,9 @@ def test_a_robot_that_ignores_its_limit_is_stopped() -> None:
         _stops(run, 1.0)
 
 
+@shared(riding)
 def test_a_tilted_robot_is_stopped() -> None:
-    with ride() as run:
-        _riding(run)
+    with riding() as run:
         run.stack.faults.inject("messages_corrupted", "/sensors/imu>safety_monitor:linear_acceleration.x=9.0")
         wait_for_row(run, "TILT", 5.0)
         assert run.safety.safety_state == run.safety.EMERGENCY_STOP
@@ -70,10 +67,10 @@ def test_a_disk_that_takes_no_latch_limits_the_speed() -> None:
         assert broken(run) == []
 
 
+@shared(riding)
 @pytest.mark.parametrize(("charge", "row", "most_mps"), [(0.2, "BATTERY_LOW", 2.0), (0.1, "BATTERY_CRITICAL", 0.6)])
 def test_an_empty_battery(charge: float, row: str, most_mps: float) -> None:
-    with ride() as run:
-        _riding(run)
+    with riding() as run:
         run.world.sim.battery.charge = charge
         wait_for_row(run, row, 3.0)
         go_on(run, 2.0)
@@ -100,9 +97,9 @@ def test_glare_while_docking_brings_no_contact() -> None:
         assert broken(run) == []
 
 
+@shared(riding)
 def test_lost_and_late_commands_brake_the_robot() -> None:
-    with ride() as run:
-        _riding(run)
+    with riding() as run:
         run.stack.faults.inject("messages_lost", "/cmd_vel", duration_s=2.0)
         _stops(run, 1.9)
         run.stack.faults.inject("messages_late", "/cmd_vel", 0.1, 2.0)
@@ -111,9 +108,9 @@ def test_lost_and_late_commands_brake_the_robot() -> None:
         assert broken(run) == []
 
 
+@shared(riding)
 def test_two_faults_at_once() -> None:
-    with ride() as run:
-        _riding(run)
+    with riding() as run:
         run.stack.faults.inject("lidar.silent", duration_s=2.0)
         run.stack.faults.inject("process_killed", "navigation_controller")
         wait_for_row(run, "LIDAR_TIMEOUT", 1.0)

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from tests.simulated.shared import shared
 from tests.simulated.stage import staged
+
+pytestmark = shared(staged)
 
 _CHAIN = ("swerve_hardware_interface", "swerve_controller", "safety_monitor", "ndt_localization")
 

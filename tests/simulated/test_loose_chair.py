@@ -5,14 +5,15 @@ from __future__ import annotations
 import math
 
 from robot_stack.core.geometry import Pose2
-from tests.simulated.stage import Stage, staged_before_chair
+from tests.simulated.shared import shared
+from tests.simulated.stage import Stage, docked
 
 START = Pose2(0.2, 0.3, math.radians(10.0))
+pytestmark = shared(docked, START)
 
 
 def lose_the_chair(stage: Stage) -> None:
     """Opens the latch at 0.4 m/s, then performs both release steps."""
-    stage.be_docked()
     stage.drive(-0.4)
     stage.wait_faster(0.35)
     stage.inject("latch_opens")
@@ -24,7 +25,7 @@ def lose_the_chair(stage: Stage) -> None:
 
 
 def test_after_the_reset_the_robot_does_not_drive_with_a_loose_chair() -> None:
-    with staged_before_chair(START) as stage:
+    with docked(START) as stage:
         lose_the_chair(stage)
         stage.run(0.5)
         stage.drive(1.0)
@@ -34,7 +35,7 @@ def test_after_the_reset_the_robot_does_not_drive_with_a_loose_chair() -> None:
 
 
 def test_undocking_leaves_a_loose_chair_at_creep_speed() -> None:
-    with staged_before_chair(START) as stage:
+    with docked(START) as stage:
         lose_the_chair(stage)
         stage.let_go()
         before = stage.at()

@@ -7,7 +7,10 @@ from collections.abc import Callable
 import pytest
 
 from robot_stack.contract.faults import SIGHT_STALE
+from tests.simulated.shared import shared
 from tests.simulated.stage import Stage, staged
+
+pytestmark = shared(staged)
 
 
 def _perception_dies(stage: Stage) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from robot_stack.contract import services
 from robot_stack.core.geometry import Pose2
+from tests.simulated.shared import shared
 from tests.simulated.stage import staged
 
 START = Pose2(2.0, 0.0, 0.0)  # along the south route
@@ -32,6 +33,7 @@ def test_the_robot_stops_before_a_wall_at_which_it_is_driven() -> None:
         stage.wait_faster(0.3)  # the way back is free
 
 
+@shared(staged, "yard", start=START)
 @pytest.mark.parametrize(("kind", "value"), [("silent", 0.0), ("frozen", 0.0), ("covered", 1.0)])
 def test_a_lidar_that_does_not_see_stops_the_robot(kind: str, value: float) -> None:
     with staged("yard", start=START) as stage:
@@ -45,6 +47,7 @@ def test_a_lidar_that_does_not_see_stops_the_robot(kind: str, value: float) -> N
         stage.wait_safety("NORMAL", limit_s=30.0)
 
 
+@shared(staged, "yard", start=START)
 def test_a_robot_that_is_carried_off_stops_and_localises_itself() -> None:
     with staged("yard", start=START) as stage:
         stage.drive_at(0.4)

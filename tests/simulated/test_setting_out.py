@@ -10,11 +10,13 @@ from robot_stack.core.config import load
 from robot_stack.core.departure import DepartureParams
 from robot_stack.core.geometry import Pose2
 from robot_stack.middleware.conversions import pose_from_msg, time_to_s
+from tests.simulated.shared import shared
 from tests.simulated.stage import staged
 
 DEPARTURE = load(DepartureParams, "departure")
 
 
+@shared(staged)
 def test_a_goal_by_hand_is_announced_before_it_moves_the_robot() -> None:
     with staged() as stage:
         shown, warnings = stage.listen(topics.SIM_EHMI_DISPLAY), stage.listen(topics.DEPARTURE_WARNING)

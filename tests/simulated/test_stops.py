@@ -8,7 +8,10 @@ from std_msgs.msg import Bool
 
 from custom_msgs.srv import ClearEmergencyStop
 from robot_stack.contract import services, topics
+from tests.simulated.shared import shared
 from tests.simulated.stage import Stage, staged
+
+pytestmark = shared(staged)
 
 
 def test_a_false_alone_ends_no_stop_and_the_end_of_a_stop_starts_no_motion() -> None:

@@ -11,8 +11,11 @@ from robot_stack.contract import topics
 from robot_stack.contract.display import Display
 from robot_stack.core.display_patterns import load_patterns
 from robot_stack.core.mission_library import mission_library
+from tests.simulated.shared import shared
 from tests.simulated.stage import Stage, staged
 from tests.simulated.story import Text
+
+pytestmark = shared(staged)
 
 _PIN = "2468"
 _PAD_PERIOD_S = 0.05
