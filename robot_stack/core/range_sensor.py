@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Annotated
 
 import numpy as np
@@ -72,19 +73,12 @@ class RangeSensor(Config):
 
     def first_ground_m(self) -> float:
         """Largest distance at which a column's lowest beam meets level ground, m in plan; inf: a column never does."""
-        down = -self._rises().min(axis=1)
-        steepest = float(np.arcsin(np.clip(down, -1.0, 1.0)).min())
-        return self.xyz_m[2] / float(np.tan(steepest)) if steepest > 0.0 else float("inf")
+        steepest_rad, _ = _limits(self)
+        return self.xyz_m[2] / float(np.tan(steepest_rad)) if steepest_rad > 0.0 else float("inf")
 
     def highest_slope(self) -> float:
         """Rise of its highest beam for each metre in plan, in the direction in which it is lowest."""
-        highest = np.clip(self._rises().max(axis=1), -1.0, 1.0).min()
-        return float(np.tan(np.arcsin(highest)))
-
-    def _rises(self) -> F64:
-        """(columns, rings) of each beam over level, for each metre along it."""
-        rises: F64 = self.beams()[:, 2].reshape(self.columns, self.rings)
-        return rises
+        return _limits(self)[1]
 
     def beams(self) -> F64:
         """(columns * rings, 3) unit vectors in base_link, column by column."""
@@ -96,3 +90,12 @@ class RangeSensor(Config):
         own[..., 2] = up
         beams: F64 = own.reshape(-1, 3) @ self.rotation().T
         return beams
+
+
+@lru_cache(maxsize=16)  # the beams of one sensor take some 50 ms
+def _limits(sensor: RangeSensor) -> tuple[float, float]:
+    """Of all columns: the least angle of the lowest beam below level, rad, and the least slope of the highest."""
+    rises = sensor.beams()[:, 2].reshape(sensor.columns, sensor.rings)  # for each metre along the beam
+    steepest = np.arcsin(np.clip(-rises.min(axis=1), -1.0, 1.0)).min()
+    highest = np.clip(rises.max(axis=1), -1.0, 1.0).min()
+    return float(steepest), float(np.tan(np.arcsin(highest)))

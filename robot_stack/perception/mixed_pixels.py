@@ -36,18 +36,19 @@ class ChairEdges:
     def __init__(self, mount: Float, turned: Float | None, box: Float, spacing_rad: tuple[float, float]) -> None:
         self._mount, self._box = mount, box
         self._turn = np.eye(3, dtype=np.float32) if turned is None else turned
-        self._own = np.zeros((round(math.pi / spacing_rad[0]), round(2.0 * math.pi / spacing_rad[1])), np.bool_)
+        # Directions of the chair's returns and the eight around each.
+        self._near = np.zeros((round(math.pi / spacing_rad[0]), round(2.0 * math.pi / spacing_rad[1])), np.bool_)
 
     def look(self, points: Points, lean: Float = UPRIGHT) -> None:
         """points: (m,) of one message, sensor frame, m. lean: of the chair, see ``UPRIGHT``."""
-        self._own[:] = False
+        self._near[:] = False
         x, y, z = readable(points, "x", "y", "z")
-        _mark(x, y, z, self._mount, self._turn, self._box, lean, self._own)
+        _mark(x, y, z, self._mount, self._turn, self._box, lean, self._near)
 
     def beside(self, xyz: Float) -> NDArray[np.bool_]:
         """(n,) of points (n, 3) of that message, base_link."""
         found = np.zeros(len(xyz), np.bool_)
-        _find(np.ascontiguousarray(xyz), self._mount, self._own, found)
+        _find(np.ascontiguousarray(xyz), self._mount, self._near, found)
         return found
 
     def without(self, view: View) -> View:
@@ -74,8 +75,8 @@ def _direction(x: Any, y: Any, z: Any, rows: int, columns: int) -> tuple[int, in
 
 
 @compiled(error_model="numpy")
-def _mark(x: Float, y: Float, z: Float, mount: Float, turn: Float, box: Float, lean: Float, own: Any) -> None:
-    rows, columns = own.shape
+def _mark(x: Float, y: Float, z: Float, mount: Float, turn: Float, box: Float, lean: Float, near: Any) -> None:
+    rows, columns = near.shape
     for i in range(len(x)):
         dx = turn[0, 0] * x[i] + turn[0, 1] * y[i] + turn[0, 2] * z[i]
         dy = turn[1, 0] * x[i] + turn[1, 1] * y[i] + turn[1, 2] * z[i]
@@ -83,18 +84,17 @@ def _mark(x: Float, y: Float, z: Float, mount: Float, turn: Float, box: Float, l
         px, py, pz = dx + mount[0], dy + mount[1], dz + mount[2]
         if box[0] <= px <= box[1] + ahead_of(pz, lean) and box[2] <= py <= box[3] and box[4] <= pz <= box[5]:
             row, column = _direction(dx, dy, dz, rows, columns)
-            own[row, column] = True
+            for r in range(max(row - 1, 0), min(row + 2, rows)):
+                for c in range(column - 1, column + 2):
+                    near[r, c % columns] = True
 
 
 @compiled(error_model="numpy")
-def _find(xyz: Float, mount: Float, own: Any, found: Any) -> None:
-    rows, columns = own.shape
+def _find(xyz: Float, mount: Float, near: Any, found: Any) -> None:
+    rows, columns = near.shape
     for i in range(len(xyz)):
         row, column = _direction(xyz[i, 0] - mount[0], xyz[i, 1] - mount[1], xyz[i, 2] - mount[2], rows, columns)
-        for r in range(max(row - 1, 0), min(row + 2, rows)):
-            for c in range(column - 1, column + 2):
-                if own[r, c % columns]:
-                    found[i] = True
+        found[i] = near[row, column]
 
 
 @compiled(error_model="numpy")
