@@ -124,3 +124,27 @@ def test_a_chair_that_leans_is_found_where_it_leans_to() -> None:
     assert not edges.beside(head).any()
     edges.look(chair, np.array([0.17, hinge_m], np.float32))
     assert edges.beside(head).all()
+
+
+@pytest.mark.parametrize("bearing_deg", [0.5, 89.5, 179.5, -179.5])
+def test_directions_right_beside_a_return_of_the_chair_are_its_edge(bearing_deg: float) -> None:
+    """The eight around it, also across the sensor's back; none two steps away. Points off the chair's box mark none."""
+    box = np.array([-1.1, 1.1, -1.1, 1.1, -0.5, 0.5], np.float32)
+    edges = ChairEdges(np.zeros(3, np.float32), None, box, (np.radians(1.0), np.radians(1.0)))
+
+    def at(azimuth_deg: float, elevation_deg: float, range_m: float) -> tuple[float, float, float]:
+        azimuth, up = np.radians(azimuth_deg), np.radians(elevation_deg)
+        return (
+            range_m * np.cos(up) * np.cos(azimuth),
+            range_m * np.cos(up) * np.sin(azimuth),
+            range_m * np.sin(up),
+        )
+
+    points = np.zeros(2, SWEEP)
+    for point, xyz in zip(points, (at(bearing_deg, 0.5, 1.0), at(bearing_deg + 20.0, 0.5, 3.0)), strict=True):
+        point["x"], point["y"], point["z"] = xyz
+    edges.look(points)
+    steps = [(across, up) for across in range(-2, 3) for up in range(-2, 3)]
+    around = [at(bearing_deg + across, 0.5 + up, 4.0) for across, up in steps]
+    found = edges.beside(np.array([*around, at(bearing_deg + 20.0, 0.5, 4.0)], np.float32))
+    assert found.tolist() == [*(abs(across) <= 1 and abs(up) <= 1 for across, up in steps), False]
