@@ -169,8 +169,8 @@ def send(
 ) -> None:
     """Check a file against the schema of VDA 5050, send it, and follow it to its end.
 
-    Missing headerId, timestamp, version, manufacturer and serialNumber are filled in. Exit code 1 if the robot refuses
-    it or does not finish it, 2 if the file is wrong.
+    Missing headerId, timestamp, version, manufacturer and serialNumber are filled in, and for an order without an
+    orderId a new one. Exit code 1 if the robot refuses it or does not finish it, 2 if the file is wrong.
     """
     data = _read(file)
     name = robot or data.get("serialNumber")
@@ -270,6 +270,8 @@ def _completed(data: dict[str, Any], robot: Robot, source: str) -> dict[str, Any
         "serialNumber": robot.serial,
     }
     complete = {**header, **data}
+    if "nodes" in data:
+        complete = {"orderId": f"{Path(source).stem}-{secrets.token_hex(4)}", "orderUpdateId": 0, **complete}
     for name in ("manufacturer", "serialNumber"):
         if complete[name] != header[name]:
             raise CommandError(

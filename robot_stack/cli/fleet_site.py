@@ -30,7 +30,7 @@ from robot_stack.cli.errors import WRONG_USE, CommandError, writing
 from robot_stack.core.atomic_file import replace_file
 
 MASTER: Final = "master"
-LONGEST_PACKET_BYTES: Final = 262_144
+LONGEST_PACKET_BYTES: Final = 524_288
 _SERIAL: Final = re.compile(r"[A-Za-z0-9_.:-]{1,64}")  # VDA 5050, MQTT topic levels; a common name has at most 64
 _CA_LIFE: Final = datetime.timedelta(days=3650)
 _LIFE: Final = datetime.timedelta(days=397)

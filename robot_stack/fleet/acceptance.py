@@ -7,15 +7,19 @@ from typing import Final
 
 from robot_stack.contract.states import HeldBy
 from robot_stack.core.geometry import Pose2
-from robot_stack.fleet import progress
+from robot_stack.fleet import codec, progress
 from robot_stack.fleet.errors import ErrorType
+from robot_stack.fleet.instant import without_ended
 from robot_stack.fleet.order import Action, Node, Order
-from robot_stack.fleet.record import ActionState, GraphPart, OrderRecord, Phase, Record
+from robot_stack.fleet.record import RESULT_LENGTH, ActionState, GraphPart, OrderRecord, Phase, Record, digest
 from robot_stack.fleet.robot import RobotView
 from robot_stack.fleet.vehicle import Vehicle, check, check_loads, start_problem, stops_of
 
 # Of one order with all its updates: they stay in the state until the next order.
 MAX_ACTIONS: Final = 500
+_PAST_ORDERS: Final = 50
+_ENTRY_BYTES: Final = 100  # of a node, edge or action in the state, without its texts
+_RESULT_BYTES: Final = 4 * RESULT_LENGTH
 
 
 class Mode(StrEnum):
@@ -39,10 +43,35 @@ def mode_of(robot: RobotView, order: OrderRecord | None) -> Mode:
     return Mode.SERVICE if robot.queue.held_by != HeldBy.NOTHING or others else Mode.AUTOMATIC
 
 
-def accepted(record: Record, order: Order, robot: RobotView, vehicle: Vehicle, now_s: float) -> Record:
-    """The record with ``order`` taken over, or itself for one that is known. Raises Refused."""
+def accepted(
+    record: Record, order: Order, robot: RobotView, vehicle: Vehicle, now_s: float, state_bytes: int
+) -> Record:
+    """The record with ``order`` taken over, or itself for one that is known. Raises Refused.
+
+    state_bytes: limit of the order's share of a state message.
+    """
+    taken = _accepted(record, order, robot, vehicle, now_s)
+    if taken.order is not None and taken is not record and _size(taken.order) > state_bytes:
+        text = f"the order with its updates is too long for the state: at most {state_bytes} bytes"
+        raise order.refused(ErrorType.ORDER, text, ("nodes", str(len(taken.order.nodes))))
+    return taken
+
+
+def _size(order: OrderRecord) -> int:
+    """Bytes of the order's nodes, edges and actions in a state, at most."""
+    texts = [part.id for part in (*order.nodes, *order.edges)]
+    texts += [text for action in order.actions for text in (action.id, action.type)]
+    entries = len(order.nodes) + len(order.edges) + len(order.actions)
+    return len(codec.compact(texts)) + _ENTRY_BYTES * entries + _RESULT_BYTES * len(order.actions)
+
+
+def _accepted(record: Record, order: Order, robot: RobotView, vehicle: Vehicle, now_s: float) -> Record:
     current = record.order
     if current is None or current.id != order.id:
+        if digest(order.id) in record.past_orders:
+            raise order.refused(
+                ErrorType.ORDER, f"the order {order.id!r} has ended: every order needs an id of its own"
+            )
         return _new(record, order, robot, vehicle, now_s)
     if order.update_id < current.update_id:
         text = f"orderUpdateId {order.update_id} is older than {current.update_id}, which is on the vehicle"
@@ -87,9 +116,8 @@ def _new(record: Record, order: Order, robot: RobotView, vehicle: Vehicle, now_s
         load_ids=_load_ids(base),
         accepted_ms=round(now_s * 1e3),
     )
-    record = record.model_copy(
-        update={"order": taken, "instant": tuple(one for one in record.instant if not one.status.ended)}
-    )
+    past = record.past_orders if current is None else (*record.past_orders, digest(current.id))
+    record = without_ended(record).model_copy(update={"order": taken, "past_orders": past[-_PAST_ORDERS:]})
     if not first.actions:  # the robot is there
         record, taken = progress.traversed(record, taken, first.sequence_id)
         stops = stops[1:]

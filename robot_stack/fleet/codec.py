@@ -76,7 +76,11 @@ def encode(topic: Topic, data: Data) -> bytes:
     problem = next(_validator(topic).iter_errors(data), None)
     if problem is not None:
         raise ValueError(f"{topic}: {problem.json_path}: {problem.message}")
-    return json.dumps(data, separators=(",", ":"), allow_nan=False).encode()
+    return compact(data)
+
+
+def compact(data: Any) -> bytes:
+    return json.dumps(data, separators=(",", ":"), allow_nan=False, ensure_ascii=False).encode()
 
 
 def timestamp(unix_s: float) -> str:

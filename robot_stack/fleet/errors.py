@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 
-# Of a description or a referenced value: a hostile message must not make a large state.
+# Of a description: a hostile message must not make a large state.
 _LONGEST = 300
+_LONGEST_REFERENCE = 128  # an id
 
 
 class Level(StrEnum):
@@ -46,14 +47,18 @@ class Error:
             "errorLevel": self.level.value,
             "errorDescription": shortened(self.description),
             "errorReferences": [
-                {"referenceKey": shortened(key), "referenceValue": shortened(value)} for key, value in self.references
+                {
+                    "referenceKey": shortened(key, _LONGEST_REFERENCE),
+                    "referenceValue": shortened(value, _LONGEST_REFERENCE),
+                }
+                for key, value in self.references
             ],
         }
         return entry | ({"errorHint": self.hint} if self.hint else {})
 
 
-def shortened(text: str) -> str:
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 3]}..."
+def shortened(text: str, longest: int = _LONGEST) -> str:
+    return text if len(text) <= longest else f"{text[: longest - 3]}..."
 
 
 class Refused(Exception):

@@ -13,7 +13,7 @@ from robot_stack.fleet import acceptance, instant
 from robot_stack.fleet.codec import Data
 from robot_stack.fleet.order import MAX_ID_LENGTH
 from robot_stack.fleet.params import FleetParams
-from robot_stack.fleet.vehicle import LOAD_POSITION, LOAD_TYPE, NODE_ACTIONS, Vehicle
+from robot_stack.fleet.vehicle import LOAD_POSITION, LOAD_TYPE, MAX_LOAD_ID_LENGTH, NODE_ACTIONS, Vehicle
 
 _MAX_ENUM_LENGTH: Final = 300  # longer texts of the robot are cut
 _STANDS: Final = "The robot stands while it carries the action out, whatever the blocking type."
@@ -110,7 +110,7 @@ def _limits(params: FleetParams) -> Data:
             "idLen": MAX_ID_LENGTH,
             "idNumericalOnly": False,
             "enumLen": _MAX_ENUM_LENGTH,
-            "loadIdLen": _MAX_ENUM_LENGTH,
+            "loadIdLen": MAX_LOAD_ID_LENGTH,
         },
         "maxArrayLens": {
             "order.nodes": MAX_WAYPOINTS,

@@ -6,13 +6,15 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from robot_stack.core.geometry import Pose2
-from robot_stack.fleet.errors import Error, ErrorType, Refused
+from robot_stack.fleet.errors import Error, ErrorType, Refused, shortened
 from robot_stack.fleet.order import MAX_ID_LENGTH, Action
-from robot_stack.fleet.record import ActionState, Phase, Record, Status
+from robot_stack.fleet.record import ActionState, Phase, Record, Status, digest
 from robot_stack.fleet.robot import FLEET, RobotView
 from robot_stack.fleet.vehicle import Vehicle
 
 MAX_STATES: Final = 50
+_PAST_ACTIONS: Final = 200
+_TYPE_LENGTH: Final = 64
 _FARTHEST_M: Final = 10_000.0
 _LARGEST_YAW: Final = 3.1416
 
@@ -48,12 +50,18 @@ class Begun:
 def is_known(record: Record, action: Action) -> bool:
     """The same actionId again is the same action."""
     order = record.order
-    return any(one.id == action.id for one in (*record.instant, *(order.actions if order is not None else ())))
+    shown = (*record.instant, *(order.actions if order is not None else ()))
+    return any(one.id == action.id for one in shown) or digest(action.id) in record.past_actions
+
+
+def without_ended(record: Record) -> Record:
+    """The actions that have ended are not shown any more, but known."""
+    return _forgotten(record, tuple(one for one in record.instant if one.status.ended))
 
 
 def begin(record: Record, action: Action, robot: RobotView, vehicle: Vehicle) -> Begun:
     """Raises Refused for an action that cannot be carried out; ``failed`` records it then."""
-    state = ActionState(id=action.id, type=action.type, status=Status.RUNNING)
+    state = _state(action, Status.RUNNING)
     begun = Begun(_with(record, state))
     match action.type:
         case "stateRequest":
@@ -71,6 +79,8 @@ def begin(record: Record, action: Action, robot: RobotView, vehicle: Vehicle) ->
                 raise _refused(action, "the fleet has not paused the robot; a person's pause is ended by a person")
             return begun
         case "initPosition":
+            if record.order is not None and record.order.under_way:
+                raise _refused(action, "the pose is not set while an order is under way")
             pose = _init_pose(action, robot, vehicle)
             node = str(action.parameters["lastNodeId"])
             done = _with(record, _finished(state)).model_copy(update={"last_node": node, "last_sequence_id": 0})
@@ -81,7 +91,13 @@ def begin(record: Record, action: Action, robot: RobotView, vehicle: Vehicle) ->
 
 
 def failed(record: Record, action: Action, why: str) -> Record:
-    return _with(record, ActionState(id=action.id, type=action.type, status=Status.FAILED, result=why))
+    return _with(record, _state(action, Status.FAILED, why))
+
+
+def _state(action: Action, status: Status, result: str = "") -> ActionState:
+    """The type of an unknown action may be long."""
+    kind = shortened(action.type, _TYPE_LENGTH)
+    return ActionState(id=action.id, type=kind, status=status, result=shortened(result))
 
 
 def cancelled_by_robot(record: Record, reason: str) -> Record:
@@ -179,7 +195,14 @@ def _replaced(record: Record, states: tuple[ActionState, ...]) -> Record:
 
 def _with(record: Record, state: ActionState) -> Record:
     """Drops the oldest ended one if there are too many."""
-    states = [*record.instant, state]
-    while len(states) > MAX_STATES:
-        states.remove(next((one for one in states if one.status.ended), states[0]))
-    return record.model_copy(update={"instant": tuple(states)})
+    record = record.model_copy(update={"instant": (*record.instant, state)})
+    if len(record.instant) <= MAX_STATES:
+        return record
+    oldest = next((one for one in record.instant if one.status.ended), record.instant[0])
+    return _forgotten(record, (oldest,))
+
+
+def _forgotten(record: Record, gone: tuple[ActionState, ...]) -> Record:
+    past = (*record.past_actions, *(digest(one.id) for one in gone))
+    instant = tuple(one for one in record.instant if one not in gone)
+    return record.model_copy(update={"instant": instant, "past_actions": past[-_PAST_ACTIONS:]})

@@ -23,7 +23,7 @@ from robot_stack.fleet.record import Phase, Record
 from robot_stack.fleet.robot import RobotView
 from robot_stack.fleet.vehicle import Vehicle
 
-_MAX_ERRORS: Final = 20
+_MAX_ERRORS: Final = 8  # of each topic: a state has a limited length
 _NEVER: Final = -math.inf
 _OPERATIONS: Final = {"startPause": Operation.PAUSE, "stopPause": Operation.RESUME}
 _KINDS: Final = {operation: kind for kind, operation in _OPERATIONS.items()}
@@ -65,13 +65,14 @@ class FleetKernel:
         self._send_state = self._send_factsheet = True
 
     def receive(self, topic: Topic, payload: bytes) -> None:
-        """Takes a message for the next tick. Too many at a time are dropped, the oldest first."""
+        """Takes a message for the next tick. Of too many of a topic the oldest is dropped: none of another topic."""
         if topic not in self._errors:
             return
         self._inbox.append((topic, payload))
-        if len(self._inbox) > self._params.limits.waiting_messages:
-            dropped, _ = self._inbox.popleft()
-            self._report(dropped, Error(ErrorType.OVERLOAD, f"messages on {dropped} come faster than they are read"))
+        of_topic = [index for index, (other, _) in enumerate(self._inbox) if other is topic]
+        if len(of_topic) > self._params.limits.waiting_messages:
+            del self._inbox[of_topic[0]]
+            self._report(topic, Error(ErrorType.OVERLOAD, f"messages on {topic} come faster than they are read"))
 
     def answered(self, request: Request, success: bool, text: str) -> None:
         """The mission manager's answer."""
@@ -116,7 +117,9 @@ class FleetKernel:
             data = codec.decode(topic, payload, self._params.limits.message_bytes)
             self._check_header(topic, data)
             if topic is Topic.ORDER:
-                self.record = acceptance.accepted(self.record, read_order(data), robot, self._vehicle, unix_s)
+                self.record = acceptance.accepted(
+                    self.record, read_order(data), robot, self._vehicle, unix_s, self._params.limits.state_bytes
+                )
                 self._errors[topic] = {}
                 self._send_state = True
             else:

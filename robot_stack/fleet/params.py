@@ -32,12 +32,16 @@ class Identity(Config):
 
 
 class Limits(Config):
-    """Of what is received. waiting_messages: between two ticks; older ones are dropped."""
+    """Of what is received. waiting_messages: of a topic, between two ticks; older ones are dropped.
+
+    state_bytes: of an order's nodes, edges and actions in a state message.
+    """
 
     message_bytes: Count
     waiting_messages: Count
     messages_per_tick: Count
     instant_actions: Count
+    state_bytes: Count
     actions_per_node: Annotated[int, Field(ge=1, le=50)]
 
 

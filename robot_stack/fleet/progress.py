@@ -9,7 +9,8 @@ from typing import Final
 from robot_stack.contract.states import MissionState
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import MAX_WAYPOINTS
-from robot_stack.fleet.record import NOT_SENT, ActionState, OrderRecord, Part, Phase, Record, Status
+from robot_stack.fleet.errors import shortened
+from robot_stack.fleet.record import NOT_SENT, RESULT_LENGTH, ActionState, OrderRecord, Part, Phase, Record, Status
 from robot_stack.fleet.robot import RobotView
 from robot_stack.fleet.vehicle import Stop
 
@@ -200,10 +201,9 @@ def _part_completed(order: OrderRecord, part: Part) -> OrderRecord:
 
 def _ended(order: OrderRecord, phase: Phase, reason: str) -> OrderRecord:
     """Without anything left to do: its nodes and edges are gone, its unfinished actions have failed."""
+    why = shortened(reason or "the order was cancelled", RESULT_LENGTH)
     actions = tuple(
-        action
-        if action.status.ended
-        else action.model_copy(update={"status": Status.FAILED, "result": reason or "the order was cancelled"})
+        action if action.status.ended else action.model_copy(update={"status": Status.FAILED, "result": why})
         for action in order.actions
     )
     part = order.part.model_copy(update={"ended": True}) if order.part is not None else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from hashlib import blake2b
 from typing import Annotated, Final
 
 from pydantic import Field
@@ -12,6 +13,7 @@ from robot_stack.core.geometry import Pose2
 from robot_stack.fleet.vehicle import Stop
 
 NOT_SENT: Final = -1
+RESULT_LENGTH: Final = 60
 
 
 class Status(StrEnum):
@@ -115,10 +117,21 @@ class OrderRecord(Config):
 
 
 class Record(Config):
-    """reserved: per topic, the header ids below are used up, or were when the agent ended."""
+    """reserved: per topic, the header ids below are used up, or were when the agent ended.
+
+    past_orders, past_actions: digests of the orderIds, and of the actionIds of instant actions, that the state does not
+    show any more, newest last. A copy of their message that arrives late has no effect.
+    """
 
     order: OrderRecord | None = None
     last_node: str = ""
     last_sequence_id: int = 0
     instant: tuple[ActionState, ...] = ()
     reserved: dict[str, Annotated[int, Field(ge=0)]] = {}
+    past_orders: tuple[str, ...] = ()
+    past_actions: tuple[str, ...] = ()
+
+
+def digest(text: str) -> str:
+    """Of an id: as long for each."""
+    return blake2b(text.encode(), digest_size=8).hexdigest()

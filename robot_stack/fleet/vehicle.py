@@ -17,6 +17,7 @@ from robot_stack.fleet.order import Action, Edge, Node, Order, Position
 MAP_ID_KEY: Final = "nodePosition.mapId"
 LOAD_TYPE: Final = "wheelchair"
 LOAD_POSITION: Final = "front"
+MAX_LOAD_ID_LENGTH: Final = 128
 _LONGEST_WAIT_S: Final = 86_400.0
 _FARTHEST_M: Final = 10_000.0  # of a coordinate, as in mission files
 _SAME_PLACE_M: Final = 1e-3
@@ -90,6 +91,8 @@ def _action_problem(action: Action, vehicle: Vehicle) -> tuple[str, str]:
     wrong = [key for key, value in values.items() if not isinstance(value, str)]
     if wrong:
         return wrong[0], f"{wrong[0]} must be a string"
+    if len(values.get("loadId", "")) > MAX_LOAD_ID_LENGTH:
+        return "loadId", f"loadId has at most {MAX_LOAD_ID_LENGTH} characters"
     if values.get("loadType", LOAD_TYPE) != LOAD_TYPE:
         return "loadType", f"the only load is a {LOAD_TYPE!r}"
     if values.get("lhd", LOAD_POSITION) != LOAD_POSITION:

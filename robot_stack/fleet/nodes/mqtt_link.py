@@ -71,7 +71,7 @@ class MqttLink:
 
     @property
     def dropped(self) -> Mapping[str, int]:
-        """Numbers of dropped messages: ``flood``, ``too long``."""
+        """Numbers of dropped messages: ``flood``, ``too long``, ``retained``."""
         with self._lock:
             return dict(self._inbox.dropped)
 
@@ -241,6 +241,10 @@ class MqttLink:
         with self._lock:
             if topic is None:
                 return  # of a subscription that an earlier configuration left in the session
+            if message.retain:
+                # From the broker's store, which sends it again at each connection: an order would be driven again.
+                self._inbox.dropped["retained"] += 1
+                return
             if len(message.payload) > self._params.longest_message_bytes:
                 self._inbox.dropped["too long"] += 1
             else:

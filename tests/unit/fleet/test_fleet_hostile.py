@@ -8,9 +8,22 @@ from typing import Any
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from robot_stack.cli.fleet_site import LONGEST_PACKET_BYTES
 from robot_stack.fleet.errors import ErrorType
 from robot_stack.fleet.link import Topic
-from tests.unit.fleet.master import HEADER, PARAMS, Bench, Data, action, error_types, node, node_ids, order, route
+from tests.unit.fleet.master import (
+    HEADER,
+    PARAMS,
+    Bench,
+    Data,
+    action,
+    error_types,
+    node,
+    node_ids,
+    order,
+    route,
+    statuses,
+)
 
 FEW = settings(max_examples=60, deadline=None, derandomize=True)
 
@@ -134,3 +147,85 @@ def test_actions_without_end_are_refused() -> None:
     per = PARAMS.limits.actions_per_node
     nodes = [node(f"n{n}", 2 * n, 2.0 * n, *waits[n * per : (n + 1) * per]) for n in range(100)]
     assert error_types(bench.order(order(nodes))) == ["orderError"]
+
+
+def test_a_late_copy_of_a_past_order_is_not_driven() -> None:
+    bench = Bench()
+    first = order(route("a", "b"), "first")
+    bench.order(first)
+    bench.serve(2)
+    bench.order(order(route("a", "c"), "second"))
+    bench.serve(2)
+    state = bench.order(first)
+    assert (state["orderId"], error_types(state)) == ("second", ["orderError"])
+    assert len(bench.manager.added) == 2
+    bench.restart()
+    assert bench.order(first)["orderId"] == "second"
+
+
+def test_a_late_copy_of_an_instant_action_has_no_effect() -> None:
+    bench = Bench()
+    bench.order(order(route("a", "b"), "first"))
+    bench.instant(action("cancelOrder", "cancel"))
+    bench.order(order(route("a", "b"), "second"))
+    state = bench.instant(action("cancelOrder", "cancel"))
+    assert (node_ids(state), error_types(state)) == (["b"], [])
+    assert bench.serve(2)["lastNodeId"] == "b"
+
+
+def test_past_ids_are_limited() -> None:
+    bench = Bench()
+    for number in range(60):
+        bench.order(order(route("a"), f"order {number}"))
+        bench.instant(*(action("stateRequest", f"{number}.{index}") for index in range(10)))
+    assert (len(bench.kernel.record.past_orders), len(bench.kernel.record.past_actions)) == (50, 200)
+
+
+def test_a_flood_displaces_no_message_of_another_topic() -> None:
+    bench = Bench()
+    bench.order(order(route("a", "b")))
+    cancel = json.dumps(HEADER | {"actions": [action("cancelOrder")]}).encode()
+    bench.kernel.receive(Topic.INSTANT_ACTIONS, cancel)
+    for _ in range(100):
+        bench.kernel.receive(Topic.ORDER, b"{}")
+    for _ in range(5):
+        bench.tick()
+    assert statuses(bench.state) == {"cancelOrder": "FINISHED"}
+
+
+def test_the_pose_is_not_set_before_the_mission_begins() -> None:
+    """The order is accepted, and the mission manager has not started it yet."""
+    bench = Bench()
+    bench.silent = True
+    bench.order(order(route("a", "b")))
+    position = action("initPosition", x=0.0, y=0.0, theta=0.0, mapId="yard", lastNodeId="n")
+    state = bench.instant(position)
+    assert (statuses(state), bench.poses) == ({"initPosition": "FAILED"}, [])
+
+
+def test_state_and_journal_stay_short() -> None:
+    """Longer ones would end the connection, at a broker with a limit, again and again."""
+    bench = Bench()
+    wide = "\U0001f9d1" * 127
+
+    def part(update: int) -> Data:
+        names = [f"{wide}{index % 10}" for index in range(50 * update, 50 * update + 51)]
+        data = order(route(*names, first=100 * update, x=100.0 * update), wide, update)
+        return data | {"edges": [edge | {"edgeId": f"{wide}e"} for edge in data["edges"]]}
+
+    for update in range(10):
+        bench.order(part(update))
+    for index in range(60):
+        bench.instant(action("x" * 100_000 + wide, f"{index:02}{wide[2:]}"))
+    for _ in range(30):
+        bench.order(order(route(wide, wide, x=2.0), wide + "other"))
+        bench.instant(*(action(wide * 100, f"{index}") for index in range(17)))
+    assert 1 < bench.state["orderUpdateId"] < 9
+    assert len(json.dumps(bench.state, ensure_ascii=False).encode()) < 0.9 * LONGEST_PACKET_BYTES
+    assert len(bench.disk.encode()) < 0.9 * LONGEST_PACKET_BYTES
+
+
+def test_the_id_of_a_load_is_limited() -> None:
+    bench = Bench()
+    pick = action("pick", stationName="chair_1", loadId="x" * 129)
+    assert error_types(bench.order(order([node("a", 0, 0.0), node("b", 2, 2.0, pick)]))) == ["orderError"]

@@ -105,6 +105,18 @@ def test_messages_pass_in_both_directions(site: Site1, protocol: str) -> None:
     late.close()
 
 
+def test_retained_orders_are_ignored(site: Site1) -> None:
+    """The broker sends them again at each connection, after their order and others have long ended."""
+    master = site.master()
+    master.publish(f"{PREFIX}/order", "order 1", retain=True)
+    robot = site.robot()
+    robot.wait_for(Connected(session_present=False))
+    master.publish(f"{PREFIX}/order", "order 2")
+    robot.wait_for(order(2))
+    assert [event for event in robot.events if isinstance(event, Received)] == [order(2)]
+    assert robot.link.dropped == {"retained": 1}
+
+
 def test_close_announces_it(site: Site1) -> None:
     master = site.master().subscribe(f"{PREFIX}/connection")
     robot = site.robot()

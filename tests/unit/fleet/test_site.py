@@ -178,8 +178,8 @@ def test_revoked_certificate_is_rejected_after_a_restart(tmp_path: Path, stack: 
         thief = Peer(own.params(stolen, own.site.robot_url()), "A1")
         stack.callback(thief.close)
         wait_for(lambda: thief.errors, "rejection of the revoked certificate")
-        # The alert of TLS 1.3 follows the handshake: the connection may be closed before it is read.
-        assert any(text in thief.errors[0] for text in ("does not accept", "certificate as revoked")), thief.errors
+        # Which of them arrives depends on how far the handshake was.
+        assert any(words in thief.errors[0] for words in ("does not accept", "as revoked")), thief.errors
 
 
 def test_default_folder() -> None:
