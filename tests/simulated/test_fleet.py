@@ -31,7 +31,7 @@ def first_part() -> dict[str, Any]:
     pick = action("pick", stationName="chair_1", stationType="wheelchair", loadType="wheelchair", loadId="chair 7")
     return order(
         [
-            node("start", 0, START.x, y=START.y),
+            node("start", 0, START.x, y=START.y, allowedDeviationXY=0.5),
             node("pick-up", 2, -2.05, pick, y=11.0, theta=math.pi),
             node("back out", 4, -2.3, y=11.0, theta=math.pi),
             node("corner", 6, -1.5, y=12.6, theta=math.pi / 2.0),

@@ -45,9 +45,10 @@ def true_pose(bodies: TFMessage, name: str) -> Pose2:
 class StackUnderTest:
     """Started by the supervisor like any other stack; a peer outside the contract subscribes and injects faults."""
 
-    def __init__(self, logs: Path, *settings: str, profile: str = "sim") -> None:
+    def __init__(self, logs: Path, *settings: str, profile: str = "sim", fleet: str | None = None) -> None:
+        """fleet: URL of a broker."""
         self.logs = logs
-        launch = client.Launch(profile, (*settings, *_PATIENT), speed=_SPEED, log_dir=logs)
+        launch = client.Launch(profile, (*settings, *_PATIENT), speed=_SPEED, log_dir=logs, fleet=fleet)
         try:
             client.start(launch, 90.0)
         except client.StartError:

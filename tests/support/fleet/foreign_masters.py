@@ -11,6 +11,7 @@ from typing import Any
 
 from vda5050.client.master.client import MasterClient
 from vda5050.config import MasterConfig
+from vda5050.model.enums import OperatingMode
 from vda5050.model.order import Order
 from vda5050.model.state import State
 
@@ -27,15 +28,23 @@ class Followed:
     errors: list[str] = field(default_factory=list)
 
 
-def drive_by_sdk(url: str, manufacturer: str, serial: str, order: dict[str, Any], deadline_s: float = 60.0) -> Followed:
-    """Sends ``order`` by vda5050-sdk (Python, 2.1.0), which checks every state against the official schema."""
-    return asyncio.run(_drive(url, f"{manufacturer}/{serial}", order, deadline_s))
+def drive_by_sdk(
+    url: str, manufacturer: str, serial: str, *orders: dict[str, Any], deadline_s: float = 60.0
+) -> Followed:
+    """Sends an order by vda5050-sdk (Python, 2.1.0), which checks every state against the official schema.
+
+    orders: the order, then its updates, each of which is sent when the robot asks for more of the base.
+    """
+    return asyncio.run(_drive(url, f"{manufacturer}/{serial}", orders, deadline_s))
 
 
-async def _drive(url: str, key: str, data: dict[str, Any], deadline_s: float) -> Followed:
+async def _drive(url: str, key: str, messages: tuple[dict[str, Any], ...], deadline_s: float) -> Followed:
     manufacturer, serial = key.split("/")
     header = {"headerId": 0, "timestamp": "2026-01-01T00:00:00Z", "version": "2.1.0"}
-    order = Order.model_validate({**header, **data, "manufacturer": manufacturer, "serialNumber": serial})
+    order, *updates = [
+        Order.model_validate({**header, **data, "manufacturer": manufacturer, "serialNumber": serial})
+        for data in messages
+    ]
     followed = Followed(accepted=False, finished=False)
     async with MasterClient(MasterConfig(broker_url=url, validate_messages=True)) as master:
 
@@ -49,7 +58,21 @@ async def _drive(url: str, key: str, data: dict[str, Any], deadline_s: float) ->
         if not await master.wait_for(key, lambda session: session.state is not None, timeout=deadline_s):
             followed.errors.append("no state")
             return followed
-        followed.accepted = (await master.dispatch(order, key)).accepted
+        # Without it the order is refused.
+        if not await master.wait_for(
+            key, lambda session: session.state.operating_mode is OperatingMode.AUTOMATIC, timeout=deadline_s
+        ):
+            followed.errors.append("not automatic")
+            return followed
+        result = await master.dispatch(order, key)
+        followed.accepted = result.accepted
+        followed.errors += [str(result.detail)] if not result.accepted else []
+        for update in updates if followed.accepted else ():
+            if not await master.wait_for(key, lambda session: session.state.new_base_request, timeout=deadline_s):
+                followed.errors.append("no request for a base")
+                return followed
+            order = update
+            followed.accepted = (await master.dispatch(update, key)).accepted
         if followed.accepted:
             followed.finished = await master.wait_for(
                 key, lambda session: _ended(session.state, order), timeout=deadline_s
