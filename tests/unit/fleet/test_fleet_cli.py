@@ -60,6 +60,18 @@ def test_order_is_followed_to_its_end(broker: RunningBroker, tmp_path: Path) -> 
         assert data[f"uagv/v2/{MAKER}/F1"]["state"]["lastNodeId"] == "b"
 
 
+def test_each_sending_of_an_order_without_an_id_is_another_order(broker: RunningBroker, tmp_path: Path) -> None:
+    data = order("", ["start", "a"], serialNumber="F1")
+    del data["orderId"], data["orderUpdateId"]
+    with closing(ForeignRobot(broker.site.robot_url(), "F1")) as robot:
+        for _ in range(2):
+            result = run(broker, "send", written(tmp_path, data))
+            assert result.exit_code == 0, result.exception
+            data["nodes"][0]["nodePosition"] |= {"allowedDeviationXY": 5.0}
+        assert len(set(robot.orders)) == 2
+        assert all(name.startswith("message-") for name in robot.orders)
+
+
 def test_order_shows_its_progress_and_is_cancelled(broker: RunningBroker, tmp_path: Path) -> None:
     with closing(ForeignRobot(broker.site.robot_url(), "F1", waits=True)) as robot:
         file = written(tmp_path, order("o-1", ["start", "a", "b"], serialNumber="F1"))

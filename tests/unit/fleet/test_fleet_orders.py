@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,7 +17,19 @@ from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import Kind
 from robot_stack.fleet.record import Phase
 from robot_stack.fleet.robot import Safety
-from tests.unit.fleet.master import VEHICLE, Bench, Data, action, error_types, node, node_ids, order, route, statuses
+from tests.unit.fleet.master import (
+    HEADER,
+    VEHICLE,
+    Bench,
+    Data,
+    action,
+    error_types,
+    node,
+    node_ids,
+    order,
+    route,
+    statuses,
+)
 
 
 @pytest.fixture
@@ -461,3 +474,12 @@ def test_the_orders_of_the_documentation_are_carried_out(bench: Bench) -> None:
     assert error_types(bench.order(second)) == []
     assert node_ids(bench.serve(5)) == []
     assert statuses(bench.state) == {"pick_17": "FINISHED", "drop_17": "FINISHED"}
+
+
+@pytest.mark.parametrize("file", sorted(config_dir().glob("fleet/*.json")), ids=lambda file: file.stem)
+def test_the_example_orders_are_accepted_at_the_origin(file: Path) -> None:
+    bench = Bench()
+    data = HEADER | {"orderId": file.stem, "orderUpdateId": 0} | json.loads(file.read_text(encoding="utf-8"))
+    state = bench.order(data)
+    assert (state["orderId"], error_types(state)) == (file.stem, [])
+    assert bench.serve(20)["lastNodeId"] == data["nodes"][-1]["nodeId"]
