@@ -258,14 +258,15 @@ def _read(file: Path) -> dict[str, Any]:
 def _completed(data: dict[str, Any], robot: Robot, source: str) -> dict[str, Any]:
     """With a header for the robot, checked against the schema. Raises CommandError with what is wrong."""
     from robot_stack.cli.fleet_site import LONGEST_PACKET_BYTES
-    from robot_stack.fleet.codec import VERSION, decode, timestamp
+    from robot_stack.fleet.codec import decode, timestamp
     from robot_stack.fleet.errors import Refused
     from robot_stack.fleet.link import Topic
+    from robot_stack.fleet.version import Version
 
     header = {
         "headerId": int(time.time()),  # it must grow, and no file keeps the last one
         "timestamp": timestamp(time.time()),
-        "version": robot.version or VERSION,
+        "version": robot.version,
         "manufacturer": robot.manufacturer,
         "serialNumber": robot.serial,
     }
@@ -277,13 +278,14 @@ def _completed(data: dict[str, Any], robot: Robot, source: str) -> dict[str, Any
             raise CommandError(
                 f"{source}: {name} is {complete[name]!r}, but the robot's is {header[name]!r}", WRONG_USE
             )
-    if str(complete["version"]).split(".")[0] != VERSION.split(".")[0]:
-        raise CommandError(
-            f"{source}: version {complete['version']}: only {VERSION} can be checked and sent", WRONG_USE
-        )
+    version = Version.of(str(complete["version"]))
+    if version is None or Version.of(robot.version) is not version:
+        known = " and ".join(Version)
+        text = f"version {complete['version']}, the robot's is {header['version']}; {known} can be checked and sent"
+        raise CommandError(f"{source}: {text}", WRONG_USE)
     topic = Topic.ORDER if "nodes" in data else Topic.INSTANT_ACTIONS
     try:
-        decode(topic, json.dumps(complete).encode(), LONGEST_PACKET_BYTES)
+        decode(topic, json.dumps(complete).encode(), LONGEST_PACKET_BYTES, version)
     except Refused as refused:
         raise CommandError(f"{source}: does not match the schema of VDA 5050: {refused}", WRONG_USE) from None
     if topic is Topic.ORDER and not any(node["released"] for node in complete["nodes"]):

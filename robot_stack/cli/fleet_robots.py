@@ -11,11 +11,18 @@ from enum import Enum
 from typing import Any, Final
 
 from robot_stack.fleet.link import Topic
+from robot_stack.fleet.version import Version
 
 Data = Mapping[str, Any]
 PUBLISHED: Final = (Topic.CONNECTION, Topic.STATE, Topic.VISUALIZATION, Topic.FACTSHEET)
 COLUMNS: Final = ("robot", "connection", "order", "driving", "position", "battery", "errors")
 _SHOWN: Final = 60
+# How types of errors about a message begin, in 2.1 and from 3.0 on.
+_REFUSALS: Final = (
+    *("order", "validation", "noRoute"),
+    *("VALIDATION", "UNSUPPORTED", "INVALID_ORDER", "INSUFFICIENT", "OTHER_ORDER", "MOBILE_ROBOT_NOT", "UNKNOWN_MAP"),
+    *("START_NODE", "NO_ROUTE", "OUTDATED", "SAME_ORDER", "ORDER"),
+)
 
 
 @dataclass(slots=True)
@@ -34,9 +41,11 @@ class Robot:
         return self.prefix.split("/")[-1]
 
     @property
-    def version(self) -> str | None:
-        """Of the protocol, from any of its messages."""
-        return next((str(data["version"]) for data in self.messages.values() if "version" in data), None)
+    def version(self) -> str:
+        """Of the protocol: from any of its messages, otherwise from its topics."""
+        of_topics = self.prefix.split("/")[1].removeprefix("v")
+        known = Version.of(of_topics) or of_topics
+        return next((str(data["version"]) for data in self.messages.values() if "version" in data), str(known))
 
     @property
     def connection(self) -> str:
@@ -52,7 +61,8 @@ class Robot:
         order += f", {left} nodes left" if left else ""
         driving = "paused" if state.get("paused") else "yes" if state.get("driving") else "no"
         errors = [f"{text(item.get('errorLevel'))} {text(item.get('errorType'))}" for item in _items(state, "errors")]
-        if _inner(state, "safetyState").get("eStop") not in (None, "NONE"):
+        safety = _inner(state, "safetyState")
+        if safety.get("eStop", safety.get("activeEmergencyStop")) not in (None, "NONE"):
             errors.insert(0, "emergency stop")
         position = _position(shown) if _position(shown) != "-" else _position(state)
         return (text(self.serial), self.connection, order, driving, position, _battery(state), ", ".join(errors) or "-")
@@ -148,7 +158,7 @@ def _errors_about(
             reference.get("referenceKey") == key and reference.get("referenceValue") == value
             for reference in _items(item, "errorReferences")
         )
-        and (key == "actionId" or str(item.get("errorType", "")).startswith(("order", "validation", "noRoute")))
+        and (key == "actionId" or str(item.get("errorType", "")).startswith(_REFUSALS))
     ]
     return "; ".join(
         ": ".join(filter(None, (text(item.get("errorType")), text(item.get("errorDescription"))))) for item in found
@@ -177,7 +187,7 @@ def _where(state: Data, nodes_left: int, open_actions: Sequence[Data]) -> str:
 def _actions(states: Sequence[Data]) -> str:
     return ", ".join(
         f"{text(item.get('actionType') or item.get('actionId'))} {text(item.get('actionStatus'))}"
-        + (f" ({text(item['resultDescription'])})" if item.get("resultDescription") else "")
+        + (f" ({text(result)})" if (result := item.get("resultDescription") or item.get("actionResult")) else "")
         for item in states
     )
 

@@ -1,4 +1,4 @@
-"""Whether an order or an update is taken over: the flow chart of figure 8 (VDA 5050 2.1.0, 6.6.2)."""
+"""Whether an order or an update is taken over: the flow chart of figure 8 (VDA 5050 2.1.0, 6.6.2; 3.0.0, 6.1.2)."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from robot_stack.fleet.order import Action, Node, Order
 from robot_stack.fleet.record import RESULT_LENGTH, ActionState, GraphPart, OrderRecord, Phase, Record, digest
 from robot_stack.fleet.robot import RobotView
 from robot_stack.fleet.vehicle import Vehicle, check, check_loads, start_problem, stops_of
+from robot_stack.fleet.version import Version
 
 # Of one order with all its updates: they stay in the state until the next order.
 MAX_ACTIONS: Final = 500
@@ -23,7 +24,7 @@ _RESULT_BYTES: Final = 4 * RESULT_LENGTH
 
 
 class Mode(StrEnum):
-    """``operatingMode``. Not used: SEMIAUTOMATIC, whose speed is that of a person, and TEACHIN."""
+    """``operatingMode``. Not used: SEMIAUTOMATIC, whose speed is that of a person, TEACHIN, and those that 3.0 adds."""
 
     AUTOMATIC = "AUTOMATIC"
     MANUAL = "MANUAL"
@@ -53,7 +54,7 @@ def accepted(
     taken = _accepted(record, order, robot, vehicle, now_s)
     if taken.order is not None and taken is not record and _size(taken.order) > state_bytes:
         text = f"the order with its updates is too long for the state: at most {state_bytes} bytes"
-        raise order.refused(ErrorType.ORDER, text, ("nodes", str(len(taken.order.nodes))))
+        raise order.refused(ErrorType.MEMORY, text, ("nodes", str(len(taken.order.nodes))))
     return taken
 
 
@@ -70,13 +71,16 @@ def _accepted(record: Record, order: Order, robot: RobotView, vehicle: Vehicle, 
     if current is None or current.id != order.id:
         if digest(order.id) in record.past_orders:
             raise order.refused(
-                ErrorType.ORDER, f"the order {order.id!r} has ended: every order needs an id of its own"
+                ErrorType.OUTDATED_UPDATE, f"the order {order.id!r} has ended: every order needs an id of its own"
             )
         return _new(record, order, robot, vehicle, now_s)
     if order.update_id < current.update_id:
         text = f"orderUpdateId {order.update_id} is older than {current.update_id}, which is on the vehicle"
-        raise order.refused(ErrorType.ORDER_UPDATE, text)
+        raise order.refused(ErrorType.OUTDATED_UPDATE, text)
     if order.update_id == current.update_id:
+        if vehicle.version is Version.V3 and order.digest != current.digest:
+            text = f"another content than that of the orderUpdateId {order.update_id} on the vehicle"
+            raise order.refused(ErrorType.SAME_UPDATE, text)
         return record
     return _update(record, current, order, robot, vehicle)
 
@@ -85,18 +89,22 @@ def _new(record: Record, order: Order, robot: RobotView, vehicle: Vehicle, now_s
     current = record.order
     if order.nodes[0].sequence_id != 0:
         raise order.refused(ErrorType.VALIDATION, "the first node of a new order has the sequenceId 0")
+    if vehicle.version is Version.V3 and order.update_id != 0:
+        raise order.refused(ErrorType.ORDER_UPDATE, "a new order has the orderUpdateId 0")
     if current is not None and current.under_way:
         text = f"the order {current.id!r} is under way: update it, or cancel it first"
-        raise order.refused(ErrorType.ORDER, text, ("activeOrderId", current.id))
+        raise order.refused(ErrorType.OTHER_ORDER, text, ("activeOrderId", current.id))
     mode = mode_of(robot, current)
     if mode is not Mode.AUTOMATIC:
         reason = robot.queue.reason if robot.queue is not None else "the mission manager does not report"
         hint = "staff release the queue on the touch screen or with: robot-stack mission queue release"
-        raise order.refused(ErrorType.ORDER, f"operating mode {mode}: {reason}", ("operatingMode", mode), hint=hint)
+        raise order.refused(
+            ErrorType.NOT_AVAILABLE, f"operating mode {mode}: {reason}", ("operatingMode", mode), hint=hint
+        )
     check(order, vehicle)
     problem = start_problem(order.nodes[0], robot.pose if robot.localized else None, vehicle)
     if problem:
-        raise order.refused(ErrorType.NO_ROUTE, problem, ("nodeId", order.nodes[0].id))
+        raise order.refused(ErrorType.START_NODE, problem, ("nodeId", order.nodes[0].id))
     base = order.nodes[: order.base]
     loaded = check_loads(order, _actions(base), robot.loaded)
     check_loads(order, _actions(order.nodes[order.base :]), loaded)
@@ -115,19 +123,23 @@ def _new(record: Record, order: Order, robot: RobotView, vehicle: Vehicle, now_s
         actions=_states(order.nodes),
         load_ids=_load_ids(base),
         accepted_ms=round(now_s * 1e3),
+        digest=order.digest,
     )
     past = record.past_orders if current is None else (*record.past_orders, digest(current.id))
-    record = without_ended(record).model_copy(update={"order": taken, "past_orders": past[-_PAST_ORDERS:]})
+    if vehicle.version is Version.V2:
+        record = without_ended(record)
+    record = record.model_copy(update={"order": taken, "past_orders": past[-_PAST_ORDERS:]})
     if not first.actions:  # the robot is there
-        record, taken = progress.traversed(record, taken, first.sequence_id)
         stops = stops[1:]
+    if not first.actions or vehicle.version is Version.V3:
+        record, taken = progress.traversed(record, taken, first.sequence_id)
     return record.model_copy(update={"order": progress.with_stops(taken, stops)})
 
 
 def _update(record: Record, current: OrderRecord, order: Order, robot: RobotView, vehicle: Vehicle) -> Record:
     if current.phase in (Phase.CANCELLING, Phase.CANCELLED, Phase.ABORTED):
         how = "was cancelled" if current.phase is not Phase.ABORTED else f"has ended: {current.reason}"
-        raise order.refused(ErrorType.ORDER_UPDATE, f"the order {how}: send a new order")
+        raise order.refused(ErrorType.UPDATE_AFTER_CANCEL, f"the order {how}: send a new order")
     first = order.nodes[0]
     if (first.id, first.sequence_id) != current.decision:
         node, number = current.decision
@@ -159,6 +171,7 @@ def _update(record: Record, current: OrderRecord, order: Order, robot: RobotView
             "loaded": loaded,
             "actions": (*kept, *_states((*base, *horizon))),
             "load_ids": current.load_ids | _load_ids(base),
+            "digest": order.digest,
         }
     )
     return record.model_copy(update={"order": progress.with_stops(taken, stops)})
@@ -167,7 +180,7 @@ def _update(record: Record, current: OrderRecord, order: Order, robot: RobotView
 def _check_number(order: Order, before: int, actions: tuple[Action, ...]) -> None:
     if before + len(actions) > MAX_ACTIONS:
         text = f"more than {MAX_ACTIONS} actions in one order"
-        raise order.refused(ErrorType.ORDER, text, ("actions", str(before + len(actions))))
+        raise order.refused(ErrorType.MEMORY, text, ("actions", str(before + len(actions))))
 
 
 def _actions(nodes: tuple[Node, ...]) -> tuple[Action, ...]:

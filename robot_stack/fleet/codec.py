@@ -19,10 +19,11 @@ from jsonschema import Draft202012Validator, FormatChecker
 
 from robot_stack.fleet.errors import Error, ErrorType, Refused, shortened
 from robot_stack.fleet.link import Topic
+from robot_stack.fleet.names import written
+from robot_stack.fleet.version import Version
 
 Data = dict[str, Any]
 
-VERSION: Final = "2.1.0"
 MAX_DEPTH: Final = 16
 _LARGEST: Final = 2**53  # integers that JSON numbers carry exactly
 _SHOWN_PROBLEMS: Final = 3
@@ -44,16 +45,19 @@ _FORMATS.checks("date-time", raises=ValueError)(_is_timestamp)
 
 
 @cache
-def _validator(topic: Topic) -> Draft202012Validator:
-    text = files("robot_stack.fleet").joinpath("schemas", VERSION, f"{topic}.schema").read_text(encoding="utf-8")
+def _validator(topic: Topic, version: Version) -> Draft202012Validator:
+    text = files("robot_stack.fleet").joinpath("schemas", version, f"{topic}.schema").read_text(encoding="utf-8")
     schema = json.loads(text)
-    if topic is Topic.STATE:
-        # Table 2 of the specification has PAUSED, the schema forgets it; the specification prevails (5).
+    # Where a schema contradicts its specification, the specification prevails (2.1.0: 5, 3.0.0: 7).
+    if (topic, version) == (Topic.STATE, Version.V2):
         schema["properties"]["actionStates"]["items"]["properties"]["actionStatus"]["enum"].append("PAUSED")
+    if (topic, version) == (Topic.ORDER, Version.V3):
+        edge = schema["definitions"]["edge"]["properties"]
+        edge["maximumRotationSpeed"] = edge["maxRotationSpeed"]
     return Draft202012Validator(schema, format_checker=_FORMATS)
 
 
-def decode(topic: Topic, payload: bytes, max_bytes: int) -> Data:
+def decode(topic: Topic, payload: bytes, max_bytes: int, version: Version) -> Data:
     """The message in ``payload``. Raises Refused with a validationError, and nothing else."""
     if len(payload) > max_bytes:
         raise Refused(_error(topic, f"{len(payload)} bytes, at most {max_bytes} are accepted"))
@@ -63,7 +67,8 @@ def decode(topic: Topic, payload: bytes, max_bytes: int) -> Data:
     except (ValueError, RecursionError) as error:
         raise Refused(_error(topic, f"no acceptable JSON: {error}")) from error
     problems = [
-        f"{error.json_path}: {error.message}" for error in islice(_validator(topic).iter_errors(data), _SHOWN_PROBLEMS)
+        f"{error.json_path}: {error.message}"
+        for error in islice(_validator(topic, version).iter_errors(data), _SHOWN_PROBLEMS)
     ]
     if problems:
         raise Refused(_error(topic, "; ".join(map(shortened, problems)), data))
@@ -71,9 +76,13 @@ def decode(topic: Topic, payload: bytes, max_bytes: int) -> Data:
     return message
 
 
-def encode(topic: Topic, data: Data) -> bytes:
-    """Raises ValueError for a message that the schema forbids, which is a defect of this program."""
-    problem = next(_validator(topic).iter_errors(data), None)
+def encode(topic: Topic, data: Data, version: Version) -> bytes:
+    """``data`` has the names of 2.1.0.
+
+    Raises ValueError for a message that the schema forbids, which is a defect of this program.
+    """
+    data = written(data, version)
+    problem = next(_validator(topic, version).iter_errors(data), None)
     if problem is not None:
         raise ValueError(f"{topic}: {problem.json_path}: {problem.message}")
     return compact(data)

@@ -1,4 +1,6 @@
-"""The factsheet, without its header (VDA 5050 2.1.0, 6.15): from the robot's configuration.
+"""The factsheet, without its header (VDA 5050 2.1.0, 6.15; 3.0.0, 7.10): from the robot's configuration.
+
+Fields have their names of 2.1.0; see ``names``.
 
 Lengths in m in base_link, which is the vehicle's coordinate system.
 """
@@ -14,9 +16,11 @@ from robot_stack.fleet.codec import Data
 from robot_stack.fleet.order import MAX_ID_LENGTH
 from robot_stack.fleet.params import FleetParams
 from robot_stack.fleet.vehicle import LOAD_POSITION, LOAD_TYPE, MAX_LOAD_ID_LENGTH, NODE_ACTIONS, Vehicle
+from robot_stack.fleet.version import Version
 
 _MAX_ENUM_LENGTH: Final = 300  # longer texts of the robot are cut
 _STANDS: Final = "The robot stands while it carries the action out, whatever the blocking type."
+_POSE: Final = "Gives localization a pose; refused while a mission is under way or a wheelchair is attached."
 _TEXTS: Final = {
     "pick": f"Docks to the wheelchair of a station and latches it. {_STANDS}",
     "drop": f"Puts the wheelchair down where the robot stands, and backs off. {_STANDS}",
@@ -26,7 +30,9 @@ _TEXTS: Final = {
     "stopPause": "Ends a pause by startPause, not that of a person.",
     "stateRequest": "Sends a state.",
     "factsheetRequest": "Sends the factsheet.",
-    "initPosition": "Gives localization a pose; refused while a mission is under way or a wheelchair is attached.",
+    "initPosition": _POSE,
+    "initializePosition": _POSE,
+    "clearInstantActions": "Removes finished and failed instant actions from the state.",
 }
 _FIELDS: Final = {
     "order.nodes.nodePosition": ("REQUIRED", "the robot plans its paths between nodes itself"),
@@ -38,6 +44,7 @@ _FIELDS: Final = {
 
 def factsheet(robot: Robot, vehicle: Vehicle, params: FleetParams) -> Data:
     loaded = robot.with_passenger
+    is_v3 = vehicle.version is Version.V3
     return {
         "typeSpecification": {
             "seriesName": params.series_name,
@@ -46,8 +53,9 @@ def factsheet(robot: Robot, vehicle: Vehicle, params: FleetParams) -> Data:
             "agvClass": "CARRIER",
             "maxLoadMass": robot.chair_mass_kg + robot.passenger_max_mass_kg,
             "localizationTypes": ["NATURAL"],
-            "navigationTypes": ["AUTONOMOUS"],
-        },
+            "navigationTypes": ["FREELY_NAVIGATING" if is_v3 else "AUTONOMOUS"],
+        }
+        | ({"supportedZones": []} if is_v3 else {}),
         "physicalParameters": {
             "speedMin": params.standstill_mps,
             "speedMax": robot.empty.max_speed_mps,
@@ -58,15 +66,15 @@ def factsheet(robot: Robot, vehicle: Vehicle, params: FleetParams) -> Data:
             "width": robot.footprint.width_m,
             "length": robot.footprint.front_m - robot.footprint.rear_m,
         },
-        "protocolLimits": _limits(params),
+        "protocolLimits": _limits(params, vehicle.version),
         "protocolFeatures": {
             "optionalParameters": [
                 {"parameter": name, "support": support} | ({"description": text} if text else {})
                 for name, (support, text) in _FIELDS.items()
             ],
             "agvActions": [
-                *(_action(name, "NODE", _parameters(name, vehicle)) for name in NODE_ACTIONS),
-                *(_action(name, "INSTANT", _parameters(name, vehicle)) for name in instant.SUPPORTED),
+                *(_action(name, "NODE", vehicle) for name in NODE_ACTIONS),
+                *(_action(name, "INSTANT", vehicle) for name in instant.SUPPORTED[vehicle.version]),
             ],
         },
         "agvGeometry": {
@@ -102,24 +110,30 @@ def factsheet(robot: Robot, vehicle: Vehicle, params: FleetParams) -> Data:
     }
 
 
-def _limits(params: FleetParams) -> Data:
+def _limits(params: FleetParams, version: Version) -> Data:
     limits = params.limits
+    states = {"state.actionStates": acceptance.MAX_ACTIONS + instant.MAX_STATES}
+    if version is Version.V3:
+        states = {
+            "state.actionStates": acceptance.MAX_ACTIONS,
+            "state.instantActionStates": instant.MAX_STATES,
+        }
     return {
         "maxStringLens": {
             "msgLen": limits.message_bytes,
             "idLen": MAX_ID_LENGTH,
             "idNumericalOnly": False,
-            "enumLen": _MAX_ENUM_LENGTH,
             "loadIdLen": MAX_LOAD_ID_LENGTH,
-        },
+        }
+        | ({"enumLen": _MAX_ENUM_LENGTH} if version is Version.V2 else {}),
         "maxArrayLens": {
             "order.nodes": MAX_WAYPOINTS,
             "order.edges": MAX_WAYPOINTS - 1,
             "node.actions": limits.actions_per_node,
             "instantActions": limits.instant_actions,
-            "state.actionStates": acceptance.MAX_ACTIONS + instant.MAX_STATES,
             "state.loads": 1,
-        },
+        }
+        | states,
         "timing": {
             "minOrderInterval": 1.0 / params.tick_rate_hz,
             "minStateInterval": params.state_min_interval_s,
@@ -129,30 +143,39 @@ def _limits(params: FleetParams) -> Data:
     }
 
 
-def _action(name: str, scope: str, parameters: list[Data]) -> Data:
-    """Without blockingTypes, for which the schema allows no array of the specification's values."""
+def _action(name: str, scope: str, vehicle: Vehicle) -> Data:
+    """2.1.0 without blockingTypes, for which its schema allows no array of the specification's values."""
     action: Data = {
         "actionType": name,
         "actionDescription": _TEXTS[name],
         "actionScopes": [scope],
     }
+    if vehicle.version is Version.V3:
+        on_node = scope == "NODE"
+        action["blockingTypes"] = ["NONE", "SOFT", "SINGLE", "HARD"] if on_node else ["NONE"]
+        action["pauseAllowed"] = action["cancelAllowed"] = on_node
+    parameters = _parameters(name, vehicle)
     return action | ({"actionParameters": parameters} if parameters else {})
 
 
 def _parameters(name: str, vehicle: Vehicle) -> list[Data]:
     chairs = ", ".join(sorted(dock for dock, kind in vehicle.docks.items() if kind == "wheelchair"))
+    pose = [
+        ("x", "FLOAT", "m", False),
+        ("y", "FLOAT", "m", False),
+        ("theta", "FLOAT", "rad", False),
+        ("mapId", "STRING", vehicle.map_id, False),
+        ("lastNodeId", "STRING", "", False),
+    ]
     types: dict[str, list[tuple[str, str, str, bool]]] = {
         "pick": [("stationName", "STRING", f"one of: {chairs}", False), *_LOAD_PARAMETERS],
         "drop": [("stationName", "STRING", "name of the place, without an effect", True), *_LOAD_PARAMETERS],
         "wait": [("duration", "FLOAT", "s", False)],
-        "initPosition": [
-            ("x", "FLOAT", "m", False),
-            ("y", "FLOAT", "m", False),
-            ("theta", "FLOAT", "rad", False),
-            ("mapId", "STRING", vehicle.map_id, False),
-            ("lastNodeId", "STRING", "", False),
-        ],
+        "initPosition": pose,
+        "initializePosition": pose,
     }
+    if vehicle.version is Version.V3:
+        types["cancelOrder"] = [("orderId", "STRING", "the order to be cancelled", True)]
     return [
         {"key": key, "valueDataType": kind, "isOptional": optional} | ({"description": text} if text else {})
         for key, kind, text, optional in types.get(name, ())

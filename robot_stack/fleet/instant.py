@@ -1,4 +1,4 @@
-"""Instant actions (VDA 5050 2.1.0, 6.8 and 6.9): what each of them does at once, and what it waits for."""
+"""Instant actions (VDA 5050 2.1.0, 6.8 and 6.9; 3.0.0, 6.2): what each of them does at once, and what it waits for."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from robot_stack.fleet.order import MAX_ID_LENGTH, Action
 from robot_stack.fleet.record import ActionState, Phase, Record, Status, digest
 from robot_stack.fleet.robot import FLEET, RobotView
 from robot_stack.fleet.vehicle import Vehicle
+from robot_stack.fleet.version import Version
 
 MAX_STATES: Final = 50
 _PAST_ACTIONS: Final = 200
@@ -26,15 +27,24 @@ REFUSED: Final = {
     "enableMap": "the map is chosen on the robot",
     "downloadMap": "the map is installed on the robot",
     "deleteMap": "the map is installed on the robot",
+    # From 3.0 on.
+    "downloadZoneSet": "the robot has no zones",
+    "enableZoneSet": "the robot has no zones",
+    "deleteZoneSet": "the robot has no zones",
+    "clearZoneActions": "the robot has no zones",
+    "trigger": "the robot has no action waitForTrigger",
+    "retry": "a failed action is not tried again",
+    "skipRetry": "a failed action is not tried again",
+    "startHibernation": "staff switch the robot off",
+    "stopHibernation": "the robot does not hibernate",
+    "shutdown": "staff switch the robot off",
+    "updateCertificate": "staff install certificates on the robot",
 }
-SUPPORTED: Final = (
-    "cancelOrder",
-    "startPause",
-    "stopPause",
-    "stateRequest",
-    "factsheetRequest",
-    "initPosition",
-)
+_COMMON: Final = ("cancelOrder", "startPause", "stopPause", "stateRequest", "factsheetRequest")
+SUPPORTED: Final = {
+    Version.V2: (*_COMMON, "initPosition"),
+    Version.V3: (*_COMMON, "initializePosition", "clearInstantActions"),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +71,10 @@ def without_ended(record: Record) -> Record:
 
 def begin(record: Record, action: Action, robot: RobotView, vehicle: Vehicle) -> Begun:
     """Raises Refused for an action that cannot be carried out; ``failed`` records it then."""
+    supported = SUPPORTED[vehicle.version]
+    if action.type not in supported:
+        why = REFUSED.get(action.type, f"unknown; supported: {', '.join(supported)}")
+        raise _refused(action, f"{action.type[:MAX_ID_LENGTH]}: {why}")
     state = _state(action, Status.RUNNING)
     begun = Begun(_with(record, state))
     match action.type:
@@ -69,7 +83,10 @@ def begin(record: Record, action: Action, robot: RobotView, vehicle: Vehicle) ->
         case "factsheetRequest":
             return replace(begun, record=_with(record, _finished(state)), send_factsheet=True)
         case "cancelOrder":
-            return replace(begun, record=_cancel(record, state))
+            wanted_id = action.parameters.get("orderId") if vehicle.version is Version.V3 else None
+            return replace(begun, record=_cancel(record, state, wanted_id))
+        case "clearInstantActions":
+            return replace(begun, record=_with(without_ended(record), _finished(state)))
         case "startPause":
             if record.order is None or not record.order.under_way:
                 raise _refused(action, "there is no order to pause")
@@ -78,16 +95,13 @@ def begin(record: Record, action: Action, robot: RobotView, vehicle: Vehicle) ->
             if robot.queue is None or robot.queue.paused_by != FLEET:
                 raise _refused(action, "the fleet has not paused the robot; a person's pause is ended by a person")
             return begun
-        case "initPosition":
+        case _:
             if record.order is not None and record.order.under_way:
                 raise _refused(action, "the pose is not set while an order is under way")
             pose = _init_pose(action, robot, vehicle)
             node = str(action.parameters["lastNodeId"])
             done = _with(record, _finished(state)).model_copy(update={"last_node": node, "last_sequence_id": 0})
             return replace(begun, record=done, pose=pose)
-        case _:
-            why = REFUSED.get(action.type, f"unknown; supported: {', '.join(SUPPORTED)}")
-            raise _refused(action, f"{action.type[:MAX_ID_LENGTH]}: {why}")
 
 
 def failed(record: Record, action: Action, why: str) -> Record:
@@ -143,10 +157,11 @@ def wanted(record: Record) -> str:
     return next((kind for kind in running if kind in ("startPause", "stopPause")), "")
 
 
-def _cancel(record: Record, state: ActionState) -> Record:
+def _cancel(record: Record, state: ActionState, order_id: Any) -> Record:
+    """order_id: None for whichever order is under way."""
     order = record.order
-    if order is None or not order.under_way:
-        text = "there is no order to cancel"
+    if order is None or not order.under_way or order_id not in (None, order.id):
+        text = "there is no order to cancel" if order_id is None else "this order is not under way"
         raise Refused(Error(ErrorType.NO_ORDER_TO_CANCEL, text, (("topic", "instantActions"), ("actionId", state.id))))
     return cancelled_by_robot(_with(record, state), "")
 
@@ -155,7 +170,7 @@ def _init_pose(action: Action, robot: RobotView, vehicle: Vehicle) -> Pose2:
     values = action.parameters
     missing = sorted({"x", "y", "theta", "mapId", "lastNodeId"} - values.keys())
     if missing:
-        raise _refused(action, f"initPosition needs {', '.join(missing)}")
+        raise _refused(action, f"{action.type} needs {', '.join(missing)}")
     numbers = [values[key] for key in ("x", "y", "theta")]
     if not all(map(_is_number, numbers)):
         raise _refused(action, "x, y and theta must be numbers")

@@ -13,6 +13,7 @@ from typing import Any, Final
 from robot_stack.contract.states import HeldBy
 from robot_stack.core.geometry import Pose2
 from robot_stack.fleet import acceptance, codec, instant, progress, report
+from robot_stack.fleet.acceptance import Mode
 from robot_stack.fleet.errors import Error, ErrorType, Refused
 from robot_stack.fleet.headers import Headers
 from robot_stack.fleet.link import Topic
@@ -22,6 +23,7 @@ from robot_stack.fleet.progress import Operation, Request
 from robot_stack.fleet.record import Phase, Record
 from robot_stack.fleet.robot import RobotView
 from robot_stack.fleet.vehicle import Vehicle
+from robot_stack.fleet.version import Version
 
 _MAX_ERRORS: Final = 8  # of each topic: a state has a limited length
 _NEVER: Final = -math.inf
@@ -45,7 +47,7 @@ class FleetKernel:
     def __init__(self, params: FleetParams, vehicle: Vehicle, factsheet: codec.Data, record: Record) -> None:
         self._params, self._vehicle, self._factsheet = params, vehicle, factsheet
         self.record = record
-        self._headers = Headers(params.identity, record.reserved)
+        self._headers = Headers(params.identity, vehicle.version, record.reserved)
         self._inbox: deque[tuple[Topic, bytes]] = deque()
         self._errors: dict[Topic, dict[Error, None]] = {topic: {} for topic in _ERRORS_OF}
         self._outputs = Outputs()
@@ -101,6 +103,8 @@ class FleetKernel:
             self._read(topic, payload, robot, unix_s)
         self.record = progress.followed(self.record, robot)
         self.record = instant.updated(self.record, robot, standing)
+        if self._vehicle.version is Version.V3:
+            self._follow_mode(robot)
         self._ask(now_s)
         self._publish(robot, standing, now_s, unix_s)
         self._reserve()
@@ -114,11 +118,12 @@ class FleetKernel:
 
     def _read(self, topic: Topic, payload: bytes, robot: RobotView, unix_s: float) -> None:
         try:
-            data = codec.decode(topic, payload, self._params.limits.message_bytes)
+            data = codec.decode(topic, payload, self._params.limits.message_bytes, self._vehicle.version)
             self._check_header(topic, data)
             if topic is Topic.ORDER:
+                order = read_order(data, self._vehicle.version)
                 self.record = acceptance.accepted(
-                    self.record, read_order(data), robot, self._vehicle, unix_s, self._params.limits.state_bytes
+                    self.record, order, robot, self._vehicle, unix_s, self._params.limits.state_bytes
                 )
                 self._errors[topic] = {}
                 self._send_state = True
@@ -131,14 +136,14 @@ class FleetKernel:
         """Raises Refused for another protocol, or a message for another robot."""
         identity = self._params.identity
         wrong = [key for key, mine in identity.robot().items() if data[key] != mine]
-        if data["version"].split(".")[0] != codec.VERSION.split(".")[0]:
+        if Version.of(data["version"]) is not self._vehicle.version:
             wrong.append("version")
         if wrong:
             text = f"{topic}: {wrong[0]} {data[wrong[0]][:MAX_ID_LENGTH]!r} is not that of this robot"
             raise Refused(Error(ErrorType.VALIDATION, text, (*codec.references(topic, data), ("field", wrong[0]))))
 
     def _begin_all(self, data: codec.Data, robot: RobotView) -> None:
-        actions = read_actions(data["actions"])
+        actions = read_actions(data["actions"], self._vehicle.version)
         limit = self._params.limits.instant_actions
         if len(actions) > limit or not all(0 < len(action.id) <= MAX_ID_LENGTH for action in actions):
             text = f"at most {limit} instant actions, with ids of 1 to {MAX_ID_LENGTH} characters"
@@ -153,7 +158,9 @@ class FleetKernel:
             begun = instant.begin(self.record, action, robot, self._vehicle)
         except Refused as refused:
             self.record = instant.failed(self.record, action, refused.error.description)
-            self._report(Topic.INSTANT_ACTIONS, refused.error)
+            # 3.0.0, 6.6.5.4: until a new order is accepted.
+            lasts = refused.error.type == ErrorType.NO_ORDER_TO_CANCEL and self._vehicle.version is Version.V3
+            self._report(Topic.ORDER if lasts else Topic.INSTANT_ACTIONS, refused.error)
             return
         self.record = begun.record
         self._send_state |= begun.send_state
@@ -167,6 +174,16 @@ class FleetKernel:
         errors[error] = None
         while len(errors) > _MAX_ERRORS:
             errors.pop(next(iter(errors)))
+
+    def _follow_mode(self, robot: RobotView) -> None:
+        """3.0.0, 6.6.5.4 and table 10."""
+        order = self.record.order
+        mode = acceptance.mode_of(robot, order)
+        if mode is Mode.AUTOMATIC:
+            kept = (error for error in self._errors[Topic.ORDER] if error.type != ErrorType.NOT_AVAILABLE)
+            self._errors[Topic.ORDER] = dict.fromkeys(kept)
+        elif mode is Mode.SERVICE and self.record.last_node and (order is None or not order.under_way):
+            self.record = self.record.model_copy(update={"last_node": ""})
 
     # --- mission manager ---------------------------------------------------------------------------------------------
 
@@ -220,11 +237,14 @@ class FleetKernel:
                 self._state_s, self._sent, self._send_state = now_s, event, False
         if params.visualization_rate_hz and now_s - self._shown_s >= 1.0 / params.visualization_rate_hz:
             self._shown_s = now_s
-            self._send(Topic.VISUALIZATION, report.position_of(robot, self._vehicle), unix_s)
+            shown = report.position_of(robot, self._vehicle)
+            if self._vehicle.version is Version.V3:
+                shown["referenceStateHeaderId"] = self._headers.last(Topic.STATE)
+            self._send(Topic.VISUALIZATION, shown, unix_s)
 
     def _send(self, topic: Topic, body: codec.Data, unix_s: float) -> None:
         header: dict[str, Any] = self._headers.next(topic, unix_s)
-        self._outputs.messages[topic] = codec.encode(topic, header | body)
+        self._outputs.messages[topic] = codec.encode(topic, header | body, self._vehicle.version)
 
     def _reserve(self) -> None:
         reserved = self._headers.reserve()

@@ -1,10 +1,12 @@
 """An order as the kernel uses it, read from a message that follows the schema.
 
-Positions in m, angles in rad, in the map. Source of the rules: VDA 5050 2.1.0, 6.6.
+Positions in m, angles in rad, in the map. Source of the rules: VDA 5050 2.1.0, 6.6; 3.0.0, 6.1.
 """
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections import Counter
 from dataclasses import dataclass
 from typing import Any, Final
@@ -12,6 +14,7 @@ from typing import Any, Final
 from robot_stack.fleet.codec import Data, references
 from robot_stack.fleet.errors import Error, ErrorType, Refused
 from robot_stack.fleet.link import Topic
+from robot_stack.fleet.version import Version
 
 LARGEST_ID: Final = 2**32 - 1
 MAX_ID_LENGTH: Final = 128
@@ -19,23 +22,34 @@ MAX_ID_LENGTH: Final = 128
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """parameters: by their keys, as JSON values."""
+    """parameters: by their keys, as JSON values. retriable: from 3.0 on."""
 
     id: str
     type: str
     parameters: dict[str, Any]
+    retriable: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """theta: None if the message gives none; deviations 0 = the robot's own tolerance."""
+    """theta: None if the message gives none.
+
+    ellipse: semi-axes a and b in m and the angle of a, within which the node is reached; a circle before 3.0.
+    Deviations of 0 are the robot's own tolerance, or with ``exact``, from 3.0 on, as close as it comes.
+    """
 
     x: float
     y: float
     theta: float | None
-    deviation_m: float
+    ellipse: tuple[float, float, float]
     deviation_rad: float
+    exact: bool
     map_id: str
+
+    @property
+    def deviation_m(self) -> float:
+        """Of the largest circle within the ellipse."""
+        return min(self.ellipse[:2])
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +63,15 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Edge:
-    """fields: the optional ones of the message."""
+    """ends: ids of the nodes before and after it; None from 3.0 on, where the sequence says them.
+
+    fields: the optional ones of the message.
+    """
 
     id: str
     sequence_id: int
     released: bool
-    start: str
-    end: str
+    ends: tuple[str, str] | None
     actions: tuple[Action, ...]
     fields: dict[str, Any]
 
@@ -64,7 +80,7 @@ class Edge:
 class Order:
     """nodes: one more than edges, alternating with them in their sequence ids. The first ``base`` nodes are released.
 
-    references: by which errors name the message.
+    references: by which errors name the message. digest: of its content, the header apart.
     """
 
     id: str
@@ -73,6 +89,7 @@ class Order:
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...]
     references: tuple[tuple[str, str], ...]
+    digest: str
 
     @property
     def base(self) -> int:
@@ -88,26 +105,32 @@ class Order:
         return Refused(Error(kind, text, (*self.references, *named), hint))
 
 
-def read_actions(entries: list[Data]) -> tuple[Action, ...]:
+def read_actions(entries: list[Data], version: Version) -> tuple[Action, ...]:
     return tuple(
         Action(
             entry["actionId"],
             entry["actionType"],
             {item["key"]: item["value"] for item in entry.get("actionParameters", ())},
+            version is Version.V3 and entry.get("retriable", False),
         )
         for entry in entries
     )
 
 
-def read_order(data: Data) -> Order:
+_HEADER: Final = frozenset({"headerId", "timestamp", "version", "manufacturer", "serialNumber"})
+
+
+def read_order(data: Data, version: Version) -> Order:
     """Raises Refused (validationError) for a graph that is no valid order."""
+    content = {key: value for key, value in data.items() if key not in _HEADER}
     order = Order(
         data["orderId"],
         int(data["orderUpdateId"]),
-        data.get("zoneSetId", ""),
-        tuple(map(_node, data["nodes"])),
-        tuple(map(_edge, data["edges"])),
+        data.get("zoneSetId", "") if version is Version.V2 else "",
+        tuple(_node(entry, version) for entry in data["nodes"]),
+        tuple(_edge(entry, version) for entry in data["edges"]),
         references(Topic.ORDER, data),
+        hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest(),
     )
     problem = _problem(order)
     if problem:
@@ -115,38 +138,45 @@ def read_order(data: Data) -> Order:
     return order
 
 
-def _node(entry: Data) -> Node:
+def _node(entry: Data, version: Version) -> Node:
     return Node(
         entry["nodeId"],
         int(entry["sequenceId"]),
         entry["released"],
-        _position(entry["nodePosition"]) if "nodePosition" in entry else None,
-        read_actions(entry["actions"]),
+        _position(entry["nodePosition"], version) if "nodePosition" in entry else None,
+        read_actions(entry["actions"], version),
     )
 
 
-def _position(entry: Data) -> Position:
+def _position(entry: Data, version: Version) -> Position:
+    if version is Version.V3:
+        axes = entry.get("allowedDeviationXY", {"a": 0.0, "b": 0.0, "theta": 0.0})
+        ellipse = (float(axes["a"]), float(axes["b"]), float(axes["theta"]))
+    else:
+        ellipse = (*(float(entry.get("allowedDeviationXY", 0.0)),) * 2, 0.0)
     return Position(
         float(entry["x"]),
         float(entry["y"]),
         float(entry["theta"]) if "theta" in entry else None,
-        float(entry.get("allowedDeviationXY", 0.0)),
+        ellipse,
         abs(float(entry.get("allowedDeviationTheta", 0.0))),
+        version is Version.V3,
         entry["mapId"],
     )
 
 
-_EDGE_KEYS = frozenset({"edgeId", "sequenceId", "edgeDescription", "released", "startNodeId", "endNodeId", "actions"})
+_EDGE_KEYS: Final = frozenset(
+    {"edgeId", "sequenceId", "edgeDescription", "edgeDescriptor", "released", "startNodeId", "endNodeId", "actions"}
+)
 
 
-def _edge(entry: Data) -> Edge:
+def _edge(entry: Data, version: Version) -> Edge:
     return Edge(
         entry["edgeId"],
         int(entry["sequenceId"]),
         entry["released"],
-        entry["startNodeId"],
-        entry["endNodeId"],
-        read_actions(entry["actions"]),
+        (entry["startNodeId"], entry["endNodeId"]) if version is Version.V2 else None,
+        read_actions(entry["actions"], version),
         {key: value for key, value in entry.items() if key not in _EDGE_KEYS},
     )
 
@@ -172,7 +202,7 @@ def _problem(order: Order) -> str:
         start, end = nodes[index], nodes[index + 1]
         if edge.sequence_id != start.sequence_id + 1:
             return f"edge {edge.id!r} has the sequenceId {edge.sequence_id}, expected is {start.sequence_id + 1}"
-        if (edge.start, edge.end) != (start.id, end.id):
+        if edge.ends not in (None, (start.id, end.id)):
             return f"edge {edge.id!r} must lead from {start.id!r} to {end.id!r}, the nodes before and after it"
         if edge.released != end.released:
             return f"edge {edge.id!r} must be released as its end node {end.id!r} is"

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
 from robot_stack.core.config import Config
 from robot_stack.fleet.mqtt_params import BrokerParams
+from robot_stack.fleet.version import Version
 
 Positive = Annotated[float, Field(gt=0.0)]
 Count = Annotated[int, Field(ge=1)]
@@ -26,9 +27,9 @@ class Identity(Config):
         """The fields of each header that name the robot."""
         return {"manufacturer": self.manufacturer, "serialNumber": self.serial_number}
 
-    def prefix(self, version: str) -> str:
+    def prefix(self, version: Version) -> str:
         """The topics' levels before the last one."""
-        return f"{self.interface_name}/v{version.split('.')[0]}/{self.manufacturer}/{self.serial_number}"
+        return f"{self.interface_name}/v{version.major}/{self.manufacturer}/{self.serial_number}"
 
 
 class Limits(Config):
@@ -54,7 +55,7 @@ class FleetParams(Config):
     """
 
     tick_rate_hz: Positive
-    protocol_version: Literal["2.1.0"]
+    protocol_version: Version
     identity: Identity
     series_name: Annotated[str, StringConstraints(min_length=1, max_length=64)]
     broker: BrokerParams

@@ -87,7 +87,7 @@ class OrderRecord(Config):
     end: where the base ends. loaded: a wheelchair is attached at the end of the base. reason: why it ended early.
     load_ids: loadId of each pick, by its action. part: the last order of the mission manager, part_number: how many
     there were. waiting: stops of the next one. accepted_ms: Unix time of the order, for ids. cancel_refused: by the
-    mission manager, at least once.
+    mission manager, at least once. digest: of the newest message.
     """
 
     id: str
@@ -106,6 +106,7 @@ class OrderRecord(Config):
     waiting: tuple[Stop, ...] = ()
     accepted_ms: int
     cancel_refused: bool = False
+    digest: str = ""
 
     @property
     def horizon(self) -> bool:

@@ -1,4 +1,7 @@
-"""The topics state and visualization, without their headers (VDA 5050 2.1.0, 6.10 and 6.13)."""
+"""The topics state and visualization, without their headers (VDA 5050 2.1.0, 6.10 and 6.13; 3.0.0, 6.6 and 6.7).
+
+Fields have their names of 2.1.0; see ``names``.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,14 @@ from robot_stack.contract.model import Clears
 from robot_stack.contract.states import MissionState
 from robot_stack.core.geometry import wrap_angle
 from robot_stack.fleet import progress
-from robot_stack.fleet.acceptance import mode_of
+from robot_stack.fleet.acceptance import Mode, mode_of
 from robot_stack.fleet.codec import Data
 from robot_stack.fleet.errors import Error, ErrorType, Level, shortened
+from robot_stack.fleet.instant import MAX_STATES
 from robot_stack.fleet.record import ActionState, GraphPart, OrderRecord, Phase, Record, Status
 from robot_stack.fleet.robot import RobotView
 from robot_stack.fleet.vehicle import LOAD_POSITION, LOAD_TYPE, Vehicle
+from robot_stack.fleet.version import Version
 
 # A person resets it at the robot; COLLISION_IMMINENT goes by itself.
 _FIELD: Final = ("COLLISION_IMMINENT", "CONTACT")
@@ -33,7 +38,9 @@ def state_of(
     base_request_m: float,
 ) -> Data:
     """standing: neither driving nor turning. base_request_m: the base is low with less than this ahead."""
-    order = record.order
+    order, version = record.order, vehicle.version
+    actions = [_action(one) for one in (order.actions if order is not None else ())]
+    instant_actions = [_action(one) for one in record.instant]
     data: Data = {
         "maps": [{"mapId": vehicle.map_id, "mapVersion": vehicle.map_version, "mapStatus": "ENABLED"}],
         "orderId": order.id if order is not None else "",
@@ -46,18 +53,23 @@ def state_of(
         "driving": not standing,
         "paused": robot.mission is not None and robot.mission.state == MissionState.PAUSED,
         "newBaseRequest": _base_is_low(order, robot, base_request_m),
-        "actionStates": [_action(one) for one in (*(order.actions if order is not None else ()), *record.instant)],
+        "actionStates": actions if version is Version.V3 else actions + instant_actions,
         "batteryState": _battery(robot),
         "operatingMode": mode_of(robot, order).value,
-        "errors": [error.data() for error in (*errors, *_own_errors(record, robot))],
+        "errors": [error.data(version) for error in (*errors, *_own_errors(record, robot, version))],
         "information": _information(robot),
-        "safetyState": _safety(robot),
+        "safetyState": _safety(robot, version),
     }
+    if version is Version.V3:
+        data["instantActionStates"] = instant_actions
     return data | position_of(robot, vehicle)
 
 
 def position_of(robot: RobotView, vehicle: Vehicle) -> Data:
-    """agvPosition and velocity as far as they are known; also the body of the topic visualization."""
+    """agvPosition and velocity as far as they are known; also the body of the topic visualization.
+
+    3.0 demands a position of a robot that can localize itself, also an unknown one.
+    """
     data: Data = {}
     pose, twist = robot.pose, robot.twist
     if pose is not None and pose.is_finite():
@@ -70,6 +82,8 @@ def position_of(robot: RobotView, vehicle: Vehicle) -> Data:
         }
         if 0.0 <= robot.quality <= 1.0:
             data["agvPosition"]["localizationScore"] = robot.quality
+    elif vehicle.version is Version.V3:
+        data["agvPosition"] = {"x": 0.0, "y": 0.0, "theta": 0.0, "mapId": vehicle.map_id, "positionInitialized": False}
     if twist is not None and twist.is_finite():
         data["velocity"] = {"vx": twist.vx, "vy": twist.vy, "omega": twist.omega}
     return data
@@ -121,29 +135,37 @@ def _battery(robot: RobotView) -> Data:
     return data | ({"batteryVoltage": battery.voltage} if math.isfinite(battery.voltage) else {})
 
 
-def _safety(robot: RobotView) -> Data:
+def _safety(robot: RobotView, version: Version) -> Data:
     safety = robot.safety
     if safety is None:
         return {"eStop": "MANUAL", "fieldViolation": False}
-    stop = "MANUAL" if safety.emergency else "AUTOACK" if _OF_FIELD in safety.faults else "NONE"
+    held = _OF_FIELD in safety.faults and version is Version.V2
+    stop = "MANUAL" if safety.emergency else "AUTOACK" if held else "NONE"
     return {"eStop": stop, "fieldViolation": any(code in safety.faults for code in _FIELD)}
 
 
-def _own_errors(record: Record, robot: RobotView) -> list[Error]:
+def _own_errors(record: Record, robot: RobotView, version: Version) -> list[Error]:
     errors = [_fault_error(code) for code in (robot.safety.faults if robot.safety is not None else ())]
     if robot.safety is None:
         text = "the safety monitor does not report: the robot does not drive"
         errors.append(Error(ErrorType.SAFETY_UNKNOWN, text, level=Level.FATAL))
     if robot.battery is None or not math.isfinite(robot.battery.percent):
-        errors.append(Error(ErrorType.BATTERY_UNKNOWN, "the battery does not report: batteryCharge 0 means unknown"))
+        errors.append(Error(ErrorType.BATTERY_UNKNOWN, "the battery does not report: a charge of 0 means unknown"))
     if robot.queue is None or robot.mission is None:
         text = "the mission manager does not report: orders do not start"
         errors.append(Error(ErrorType.MISSIONS_UNKNOWN, text, level=Level.FATAL))
+    if version is Version.V3 and not robot.localized:
+        errors.append(Error(ErrorType.LOCALIZATION, "the robot does not know where it is", level=Level.FATAL))
+    if version is Version.V3 and len(record.instant) >= MAX_STATES:
+        text = f"the oldest of more than {MAX_STATES} instant actions are forgotten"
+        errors.append(Error(ErrorType.INSTANT_STATES_FULL, text, hint="send clearInstantActions"))
     order = record.order
     if order is not None and order.phase is Phase.ABORTED:
         references = (("orderId", order.id), ("orderUpdateId", str(order.update_id)), ("nodeId", record.last_node))
         hint = "staff look after the robot and release the queue; then send a new order"
-        errors.append(Error(ErrorType.ORDER_ABORTED, order.reason, references, hint, Level.FATAL))
+        ready = version is Version.V3 and mode_of(robot, order) is Mode.AUTOMATIC
+        level = Level.CRITICAL if ready else Level.FATAL
+        errors.append(Error(ErrorType.ORDER_ABORTED, order.reason, references, hint, level))
     return errors
 
 

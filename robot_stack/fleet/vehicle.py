@@ -13,6 +13,7 @@ from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import MAX_WAYPOINTS, Kind
 from robot_stack.fleet.errors import ErrorType
 from robot_stack.fleet.order import Action, Edge, Node, Order, Position
+from robot_stack.fleet.version import Version
 
 MAP_ID_KEY: Final = "nodePosition.mapId"
 LOAD_TYPE: Final = "wheelchair"
@@ -23,16 +24,18 @@ _FARTHEST_M: Final = 10_000.0  # of a coordinate, as in mission files
 _SAME_PLACE_M: Final = 1e-3
 # Fields of edges that say nothing about how this robot drives: it plans its paths itself.
 _WITHOUT_EFFECT: Final = frozenset({"length", "orientationType"})
+_HARMLESS: Final = (("rotationAllowed", True), ("reachOrientationBeforeEntering", False))
 
 
 @dataclass(frozen=True, slots=True)
 class Vehicle:
-    """docks: kind of each dock by its id. Speeds of the empty robot.
+    """version: of the protocol. docks: kind of each dock by its id. Speeds of the empty robot.
 
     start_m: of the first node without a deviation. pass_m, pass_rad, stand_m, stand_rad: within which the mission
     manager takes a waypoint for reached, driving on or standing.
     """
 
+    version: Version
     map_id: str
     map_version: str
     docks: dict[str, str]
@@ -79,6 +82,8 @@ def _action_problem(action: Action, vehicle: Vehicle) -> tuple[str, str]:
             "actionType",
             f"the action {action.type!r} is not supported on nodes; supported: {', '.join(NODE_ACTIONS)}",
         )
+    if action.retriable:
+        return "retriable", "a failed action is not tried again"
     values = action.parameters
     unknown = sorted(values.keys() - set(_PARAMETERS[action.type]))
     if unknown:
@@ -113,25 +118,28 @@ def _is_number(value: Any) -> bool:
 
 
 def check(order: Order, vehicle: Vehicle) -> None:
-    """Base and horizon alike. Raises Refused (orderError) with the field that cannot be used."""
+    """Base and horizon alike. Raises Refused with the field or the action that cannot be used."""
     if order.zone_set:
-        raise order.refused(ErrorType.ORDER, "zones are not supported", ("zoneSetId", order.zone_set))
+        raise order.refused(ErrorType.UNSUPPORTED, "zones are not supported", ("zoneSetId", order.zone_set))
     if len(order.nodes) > MAX_WAYPOINTS:
         text = f"{len(order.nodes)} nodes, at most {MAX_WAYPOINTS} in one message"
-        raise order.refused(ErrorType.ORDER, text, ("nodes", str(len(order.nodes))))
+        raise order.refused(ErrorType.MEMORY, text, ("nodes", str(len(order.nodes))))
     for edge in order.edges:
         field, text = _edge_problem(edge, vehicle)
         if field:
-            raise order.refused(ErrorType.ORDER, text, ("edgeId", edge.id), (f"edge.{field}", _shown(edge, field)))
+            kind = ErrorType.ORDER_ACTION if field == "actions" else ErrorType.UNSUPPORTED
+            raise order.refused(kind, text, ("edgeId", edge.id), (f"edge.{field}", _shown(edge, field)))
     for node in order.nodes:
-        field, text = _node_problem(node, vehicle)
-        if field:
-            raise order.refused(ErrorType.ORDER, text, ("nodeId", node.id), ("field", field))
+        problem = _node_problem(node, vehicle)
+        if problem is not None:
+            kind, field, text = problem
+            raise order.refused(kind, text, ("nodeId", node.id), ("field", field))
         for action in node.actions:
             field, text = _action_problem(action, vehicle)
             if field:
                 named = (("nodeId", node.id), ("actionId", action.id), ("field", field))
-                raise order.refused(ErrorType.ORDER, text, *named)
+                kind = ErrorType.UNSUPPORTED if field == "retriable" else ErrorType.ORDER_ACTION
+                raise order.refused(kind, text, *named)
 
 
 def _shown(edge: Edge, field: str) -> str:
@@ -145,45 +153,57 @@ def _edge_problem(edge: Edge, vehicle: Vehicle) -> tuple[str, str]:
         return "actions", f"actions on edges are not supported: {edge.actions[0].type!r}"
     enough = {
         "maxSpeed": vehicle.max_speed_mps,
+        "maximumSpeed": vehicle.max_speed_mps,
         "maxRotationSpeed": vehicle.max_yaw_rate_radps,
+        "maximumRotationSpeed": vehicle.max_yaw_rate_radps,
         "maxHeight": vehicle.height_m,
+        "maximumMobileRobotHeight": vehicle.height_m,
     }
     for field, value in edge.fields.items():
         if field in enough:
-            if value < enough[field]:
+            if not _is_number(value) or value < enough[field]:
                 return field, f"{field} {value} cannot be kept: it is {enough[field]} on every edge"
-        elif field not in _WITHOUT_EFFECT and (field, value) != ("rotationAllowed", True):
+        elif field not in _WITHOUT_EFFECT and (field, value) not in _HARMLESS:
             return field, f"the field {field} of edges is not supported"
     return "", ""
 
 
-def _node_problem(node: Node, vehicle: Vehicle) -> tuple[str, str]:
+def _node_problem(node: Node, vehicle: Vehicle) -> tuple[ErrorType, str, str] | None:
+    """(error, name of the erroneous field, why it cannot be used)."""
     position = node.position
     if position is None:
-        return "nodePosition", "every node needs its nodePosition: the robot plans its paths itself"
+        text = "every node needs its nodePosition: the robot plans its paths itself"
+        return ErrorType.UNSUPPORTED, "nodePosition", text
     if position.map_id != vehicle.map_id:
-        return MAP_ID_KEY, f"the map {position.map_id!r} is not on the vehicle, which has {vehicle.map_id!r}"
+        text = f"the map {position.map_id!r} is not on the vehicle, which has {vehicle.map_id!r}"
+        return ErrorType.UNKNOWN_MAP, MAP_ID_KEY, text
     if max(abs(position.x), abs(position.y)) > _FARTHEST_M:
-        return "nodePosition", f"the position is farther than {_FARTHEST_M:.0f} m from the map's origin"
-    if 0.0 < position.deviation_m < vehicle.stand_m:
-        return "allowedDeviationXY", f"the robot stops within {vehicle.stand_m} m, not tighter"
-    if position.theta is not None and 0.0 < position.deviation_rad < vehicle.stand_rad:
-        return "allowedDeviationTheta", f"the robot stops within {vehicle.stand_rad} rad, not tighter"
+        text = f"the position is farther than {_FARTHEST_M:.0f} m from the map's origin"
+        return ErrorType.NO_ROUTE, "nodePosition", text
+    if not position.exact and 0.0 < position.deviation_m < vehicle.stand_m:
+        return ErrorType.UNSUPPORTED, "allowedDeviationXY", f"the robot stops within {vehicle.stand_m} m, not tighter"
+    turns = position.theta is not None and not position.exact
+    if turns and 0.0 < position.deviation_rad < vehicle.stand_rad:
+        text = f"the robot stops within {vehicle.stand_rad} rad, not tighter"
+        return ErrorType.UNSUPPORTED, "allowedDeviationTheta", text
     if len(node.actions) > vehicle.max_actions_per_node:
-        return "actions", f"{len(node.actions)} actions, at most {vehicle.max_actions_per_node} on one node"
-    return "", ""
+        text = f"{len(node.actions)} actions, at most {vehicle.max_actions_per_node} on one node"
+        return ErrorType.MEMORY, "actions", text
+    return None
 
 
 def check_loads(order: Order, actions: tuple[Action, ...], loaded: bool) -> bool:
     """Whether a wheelchair is attached after ``actions`` that begin with one if ``loaded``.
 
-    Raises Refused (orderError) for a pick while carrying one, and for a drop without.
+    Raises Refused for a pick while carrying one, and for a drop without.
     """
     for action in actions:
         if action.type == "pick" and loaded:
-            raise order.refused(ErrorType.ORDER, "pick with a wheelchair attached: drop first", ("actionId", action.id))
+            raise order.refused(
+                ErrorType.ORDER_ACTION, "pick with a wheelchair attached: drop first", ("actionId", action.id)
+            )
         if action.type == "drop" and not loaded:
-            raise order.refused(ErrorType.ORDER, "drop without a wheelchair attached", ("actionId", action.id))
+            raise order.refused(ErrorType.ORDER_ACTION, "drop without a wheelchair attached", ("actionId", action.id))
         loaded = action.type == "pick" or (loaded and action.type != "drop")
     return loaded
 
@@ -224,8 +244,9 @@ def _pose(position: Position, before: Pose2) -> Pose2:
 
 def _is_precise(position: Position, vehicle: Vehicle) -> bool:
     """Passing it would not be within its deviations."""
-    turned = position.theta is not None and 0.0 < position.deviation_rad < vehicle.pass_rad
-    return 0.0 < position.deviation_m < vehicle.pass_m or turned
+    least = -1.0 if position.exact else 0.0
+    turned = position.theta is not None and least < position.deviation_rad < vehicle.pass_rad
+    return least < position.deviation_m < vehicle.pass_m or turned
 
 
 def _name(node: Node, number: int) -> str:
@@ -235,11 +256,16 @@ def _name(node: Node, number: int) -> str:
 
 
 def start_problem(node: Node, pose: Pose2 | None, vehicle: Vehicle) -> str:
-    """Why the first node of a new order is not trivially reachable (6.6.1), empty if it is."""
+    """Why the first node of a new order is not trivially reachable (2.1.0, 6.6.1; 3.0.0, 6.1.1), empty if it is."""
     if pose is None or node.position is None:
         return "the robot does not know where it is"
-    distance_m = math.hypot(node.position.x - pose.x, node.position.y - pose.y)
-    allowed_m = node.position.deviation_m or vehicle.start_m
-    if distance_m > allowed_m:
-        return f"the robot stands {distance_m:.2f} m from the first node {node.id!r}, allowed are {allowed_m:.2f} m"
+    dx, dy = pose.x - node.position.x, pose.y - node.position.y
+    a, b, angle = node.position.ellipse
+    if max(a, b) == 0.0:
+        a = b = vehicle.start_m
+    along, across = dx * math.cos(angle) + dy * math.sin(angle), dy * math.cos(angle) - dx * math.sin(angle)
+    # Narrower than the robot stands is not asked of it.
+    if math.hypot(along / max(a, vehicle.stand_m), across / max(b, vehicle.stand_m)) > 1.0:
+        allowed = f"{a:.2f} m" if a == b else f"{a:.2f} m and {b:.2f} m across"
+        return f"the robot stands {math.hypot(dx, dy):.2f} m from the first node {node.id!r}, allowed are {allowed}"
     return ""

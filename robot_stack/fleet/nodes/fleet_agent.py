@@ -9,7 +9,6 @@ from robot_stack.contract import services, topics
 from robot_stack.core.docks import load_docks
 from robot_stack.core.robot import Robot
 from robot_stack.core.site_map import map_checksum
-from robot_stack.fleet import codec
 from robot_stack.fleet.factsheet import factsheet
 from robot_stack.fleet.headers import ConnectionMessages
 from robot_stack.fleet.kernel import FleetKernel
@@ -59,7 +58,7 @@ class FleetAgentNode(StackNode):
             MqttLink,
             self.params.broker,
             self.params.identity.serial_number,
-            self.params.identity.prefix(codec.VERSION),
+            self.params.identity.prefix(self.params.protocol_version),
             messages.online,
             messages.offline,
             messages.broken,
@@ -127,6 +126,7 @@ class FleetAgentNode(StackNode):
 
 def _vehicle(params: FleetParams, robot: Robot) -> Vehicle:
     return Vehicle(
+        version=params.protocol_version,
         map_id=params.map,
         map_version=map_checksum(params.map)[:16],
         docks={name: dock.kind for name, dock in load_docks().docks.items()},

@@ -12,6 +12,7 @@ from robot_stack.core.config import load
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from robot_stack.core.robot import load_robot
+from robot_stack.fleet.errors import ErrorType, name_of
 from robot_stack.fleet.factsheet import factsheet
 from robot_stack.fleet.kernel import FleetKernel, Outputs
 from robot_stack.fleet.link import Topic
@@ -20,12 +21,14 @@ from robot_stack.fleet.progress import Operation, Request
 from robot_stack.fleet.record import Record
 from robot_stack.fleet.robot import FLEET, Battery, MissionView, Queue, RobotView, Safety
 from robot_stack.fleet.vehicle import Stop, Vehicle
+from robot_stack.fleet.version import Version
 
 Data = dict[str, Any]
 
 PARAMS = load(FleetParams, "fleet_agent")
 ROBOT = load_robot()
 VEHICLE = Vehicle(
+    version=Version.V2,
     map_id="yard",
     map_version="1",
     docks={name: dock.kind for name, dock in load_docks().docks.items()},
@@ -83,6 +86,41 @@ def route(*names: str, first: int = 0, horizon: int = 0, x: float = 0.0) -> list
     """Nodes 2 m apart; the last ``horizon`` ones are not released."""
     base = len(names) - horizon
     return [node(name, first + 2 * i, x + 2.0 * i, released=i < base) for i, name in enumerate(names)]
+
+
+EDGES_V3 = {
+    "maxSpeed": "maximumSpeed",
+    "maxRotationSpeed": "maximumRotationSpeed",
+    "maxHeight": "maximumMobileRobotHeight",
+    "minHeight": "minimumLoadHandlingDeviceHeight",
+    "startNodeId": "",
+    "endNodeId": "",
+}
+
+
+def in_version(topic: Topic, data: Data, version: Version) -> Data:
+    """A message of 2.1.0 with the same meaning in ``version``."""
+    if version is Version.V2:
+        return data
+    data = data | ({"version": version.value} if data.get("version") == HEADER["version"] else {})
+    if topic is Topic.INSTANT_ACTIONS:
+        return data | {"actions": [entry | {"blockingType": "NONE"} for entry in data["actions"]]}
+    edges = [
+        {EDGES_V3.get(key, key): value for key, value in edge.items() if EDGES_V3.get(key, key)}
+        for edge in data["edges"]
+    ]
+    return data | {"nodes": [_node_v3(entry) for entry in data["nodes"]], "edges": edges}
+
+
+def _node_v3(entry: Data) -> Data:
+    """Without deviations, 2.1.0 means the robot's own tolerance."""
+    if "nodePosition" not in entry:
+        return entry
+    position = entry["nodePosition"]
+    radius = position.get("allowedDeviationXY", 0.0) or PARAMS.pass_m
+    turn = position.get("allowedDeviationTheta", 0.0) or PARAMS.pass_rad
+    deviations = {"allowedDeviationXY": {"a": radius, "b": radius, "theta": 0.0}, "allowedDeviationTheta": turn}
+    return entry | {"nodePosition": position | deviations}
 
 
 class Manager:
@@ -179,7 +217,9 @@ class Manager:
 class Bench:
     """The kernel with a master and a mission manager. ``tick`` lasts 1 s. The record is kept as the disk keeps it."""
 
-    def __init__(self) -> None:
+    def __init__(self, version: Version = Version.V2) -> None:
+        self.version = version
+        self.vehicle = replace(VEHICLE, version=version)
         self.manager = Manager()
         self.robot = RobotView(
             pose=Pose2(0.0, 0.0, 0.0),
@@ -197,7 +237,7 @@ class Bench:
 
     def restart(self) -> None:
         record = Record.model_validate_json(self.disk)
-        self.kernel = FleetKernel(PARAMS, VEHICLE, factsheet(ROBOT, VEHICLE, PARAMS), record)
+        self.kernel = FleetKernel(PARAMS, self.vehicle, factsheet(ROBOT, self.vehicle, PARAMS), record)
 
     def send(self, topic: Topic, data: Data | bytes) -> Data:
         """The state after it."""
@@ -205,11 +245,21 @@ class Bench:
         self.tick()
         return self.tick()
 
+    def receive(self, data: Data) -> None:
+        """As ``order``, without a tick."""
+        self.kernel.receive(Topic.ORDER, json.dumps(in_version(Topic.ORDER, data, self.version)).encode())
+
     def order(self, data: Data) -> Data:
-        return self.send(Topic.ORDER, data)
+        """A message of 2.1.0, sent in the bench's version."""
+        return self.send(Topic.ORDER, in_version(Topic.ORDER, data, self.version))
 
     def instant(self, *actions: Data) -> Data:
-        return self.send(Topic.INSTANT_ACTIONS, HEADER | {"actions": list(actions)})
+        """As ``order``."""
+        data = HEADER | {"actions": list(actions)}
+        return self.send(Topic.INSTANT_ACTIONS, in_version(Topic.INSTANT_ACTIONS, data, self.version))
+
+    def named(self, *kinds: ErrorType) -> list[str]:
+        return [name_of(kind, self.version) for kind in kinds]
 
     def compute(self) -> None:
         self.now_s += 1.0
@@ -255,7 +305,8 @@ def error_types(state: Data) -> list[str]:
 
 
 def statuses(state: Data) -> dict[str, str]:
-    return {entry["actionId"]: entry["actionStatus"] for entry in state["actionStates"]}
+    entries = (*state["actionStates"], *state.get("instantActionStates", ()))
+    return {entry["actionId"]: entry["actionStatus"] for entry in entries}
 
 
 def node_ids(state: Data) -> list[str]:

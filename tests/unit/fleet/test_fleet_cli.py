@@ -194,6 +194,25 @@ def test_wrong_files_are_not_sent(broker: RunningBroker, tmp_path: Path, data: A
     assert robot.payloads(f"uagv/v2/{MAKER}/F1/order") == []
 
 
+def test_a_robot_of_3_0_gets_what_3_0_has(broker: RunningBroker, tmp_path: Path) -> None:
+    prefix = f"uagv/v3/{MAKER}/G1"
+    robot = Peer(broker.params(), "robot of 3.0").connected().subscribe(f"{prefix}/#")
+    robot.publish(f"{prefix}/connection", '{"connectionState": "ONLINE", "version": "3.0.0"}', retain=True)
+    old = order("o-1", ["start", "a"], serialNumber="G1")
+    data = old | {"edges": [{k: v for k, v in edge.items() if not k.endswith("NodeId")} for edge in old["edges"]]}
+    for node in data["nodes"]:
+        node["nodePosition"]["allowedDeviationXY"] = {"a": 1.0, "b": 0.5, "theta": 0.0}
+    result = run(broker, "send", written(tmp_path, data), "--accept", "0.5")
+    assert "has not accepted order o-1" in str(result.exception)
+    wait_for(lambda: robot.payloads(f"{prefix}/order"), "the order")
+    assert json.loads(robot.payloads(f"{prefix}/order")[0])["version"] == "3.0.0"
+    data["nodes"][0]["nodePosition"]["allowedDeviationXY"] = 1.0
+    wrong = run(broker, "send", written(tmp_path, data))
+    assert "allowedDeviationXY" in str(wrong.exception)
+    assert "the robot's is 3.0.0" in str(run(broker, "send", written(tmp_path, data | {"version": "2.1.0"})).exception)
+    robot.close()
+
+
 def test_unknown_robot_and_garbage_of_others(broker: RunningBroker, tmp_path: Path) -> None:
     peer = Peer(broker.params(), "peer").connected()
     for topic, payload in (

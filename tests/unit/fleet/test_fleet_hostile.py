@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_stack.cli.fleet_site import LONGEST_PACKET_BYTES
 from robot_stack.fleet.errors import ErrorType
 from robot_stack.fleet.link import Topic
+from robot_stack.fleet.version import Version
 from tests.unit.fleet.master import (
     HEADER,
     PARAMS,
@@ -18,6 +20,7 @@ from tests.unit.fleet.master import (
     Data,
     action,
     error_types,
+    in_version,
     node,
     node_ids,
     order,
@@ -25,6 +28,7 @@ from tests.unit.fleet.master import (
     statuses,
 )
 
+each_version = pytest.mark.parametrize("version", list(Version))
 FEW = settings(max_examples=60, deadline=None, derandomize=True)
 
 json_values = st.recursive(
@@ -44,18 +48,20 @@ def goes_on(bench: Bench) -> None:
     assert bench.serve(2)["lastNodeId"] == "b"
 
 
+@each_version
 @FEW
 @given(topics, st.binary(max_size=200))
-def test_bytes(topic: Topic, payload: bytes) -> None:
-    bench = Bench()
+def test_bytes(version: Version, topic: Topic, payload: bytes) -> None:
+    bench = Bench(version)
     bench.send(topic, payload)
     goes_on(bench)
 
 
+@each_version
 @FEW
 @given(topics, json_values)
-def test_json(topic: Topic, value: Any) -> None:
-    bench = Bench()
+def test_json(version: Version, topic: Topic, value: Any) -> None:
+    bench = Bench(version)
     bench.send(topic, json.dumps(value).encode())
     goes_on(bench)
 
@@ -71,15 +77,18 @@ def _mutated(data: st.DataObject, value: Any) -> Any:
     return data.draw(json_values)
 
 
+@each_version
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(st.data())
-def test_messages_with_one_wrong_part(data: st.DataObject) -> None:
-    bench = Bench()
+def test_messages_with_one_wrong_part(version: Version, data: st.DataObject) -> None:
+    bench = Bench(version)
     actions = [action("pick", stationName="chair_1"), action("drop"), action("wait", duration=1.0)]
     good: Data = order([node("a", 0, 0.0), node("b", 2, 2.0, *actions), node("c", 4, 4.0, released=False)])
-    bench.order(_mutated(data, good))
-    position = action("initPosition", x=0.0, y=0.0, theta=0.0, mapId="yard", lastNodeId="n")
+    bench.send(Topic.ORDER, _mutated(data, in_version(Topic.ORDER, good, version)))
+    kind = "initializePosition" if version is Version.V3 else "initPosition"
+    position = action(kind, x=0.0, y=0.0, theta=0.0, mapId="yard", lastNodeId="n")
     message = HEADER | {"actions": [position, action("startPause"), action("cancelOrder")]}
+    message = in_version(Topic.INSTANT_ACTIONS, message, version)
     bench.send(Topic.INSTANT_ACTIONS, _mutated(data, message))
     goes_on(bench)
 
@@ -97,11 +106,14 @@ updates = st.lists(
 )
 
 
+@each_version
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(updates)
-def test_stale_updates_replays_and_mixed_orders(messages: list[tuple[str, int, int, int, int, bool]]) -> None:
+def test_stale_updates_replays_and_mixed_orders(
+    version: Version, messages: list[tuple[str, int, int, int, int, bool]]
+) -> None:
     """The route handed over is that of the accepted base: in sequence, without a gap, each node once."""
-    bench = Bench()
+    bench = Bench(version)
     released: dict[str, set[int]] = {}
     for order_id, update, first, count, horizon, serves in messages:
         names = [f"n{first + index}" for index in range(count)]
@@ -117,36 +129,38 @@ def test_stale_updates_replays_and_mixed_orders(messages: list[tuple[str, int, i
         assert set(sequence) <= released[name.rsplit("_", 1)[1]]
 
 
-def test_a_flood_is_limited_in_each_tick_and_reported() -> None:
-    bench = Bench()
+@each_version
+def test_a_flood_is_limited_in_each_tick_and_reported(version: Version) -> None:
+    bench = Bench(version)
     for index in range(1000):
-        payload = json.dumps(order(route("a", "b"), f"order_{index}")).encode()
-        bench.kernel.receive(Topic.ORDER, payload)
+        bench.receive(order(route("a", "b"), f"order_{index}"))
     bench.tick()
     assert error_types(bench.state)
     for _ in range(20):
         bench.tick()
     assert len(bench.manager.added) == 1
-    assert ErrorType.ORDER in error_types(bench.state)
+    assert bench.named(ErrorType.OTHER_ORDER)[0] in error_types(bench.state)
     assert len(bench.state["errors"]) <= 20
     goes_on(bench)
 
 
-def test_a_huge_horizon_is_refused() -> None:
-    bench = Bench()
+@each_version
+def test_a_huge_horizon_is_refused(version: Version) -> None:
+    bench = Bench(version)
     state = bench.order(order(route(*(f"n{i}" for i in range(2000)), horizon=1990)))
-    assert error_types(state) in (["orderError"], ["validationError"])
+    assert error_types(state) in (bench.named(ErrorType.MEMORY), bench.named(ErrorType.VALIDATION))
     assert bench.manager.added == []
 
 
-def test_actions_without_end_are_refused() -> None:
-    bench = Bench()
+@each_version
+def test_actions_without_end_are_refused(version: Version) -> None:
+    bench = Bench(version)
     waits = [
         action("wait", f"{n}.{i}", duration=0.0) for n in range(100) for i in range(PARAMS.limits.actions_per_node)
     ]
     per = PARAMS.limits.actions_per_node
     nodes = [node(f"n{n}", 2 * n, 2.0 * n, *waits[n * per : (n + 1) * per]) for n in range(100)]
-    assert error_types(bench.order(order(nodes))) == ["orderError"]
+    assert error_types(bench.order(order(nodes))) == bench.named(ErrorType.MEMORY)
 
 
 def test_a_late_copy_of_a_past_order_is_not_driven() -> None:
@@ -157,7 +171,7 @@ def test_a_late_copy_of_a_past_order_is_not_driven() -> None:
     bench.order(order(route("a", "c"), "second"))
     bench.serve(2)
     state = bench.order(first)
-    assert (state["orderId"], error_types(state)) == ("second", ["orderError"])
+    assert (state["orderId"], error_types(state)) == ("second", ["orderUpdateError"])
     assert len(bench.manager.added) == 2
     bench.restart()
     assert bench.order(first)["orderId"] == "second"

@@ -14,6 +14,7 @@ from robot_stack.fleet.errors import ErrorType, Refused
 from robot_stack.fleet.factsheet import factsheet
 from robot_stack.fleet.headers import BLOCK, ConnectionMessages, Headers
 from robot_stack.fleet.link import Topic
+from robot_stack.fleet.version import Version
 from tests.unit.fleet.master import HEADER, PARAMS, ROBOT, VEHICLE, Bench, action, order, route
 
 GOOD = order(route("a", "b"))
@@ -22,7 +23,7 @@ LIMIT = PARAMS.limits.message_bytes
 
 
 def decode(payload: str | bytes, topic: Topic = Topic.ORDER) -> codec.Data:
-    return codec.decode(topic, payload.encode() if isinstance(payload, str) else payload, LIMIT)
+    return codec.decode(topic, payload.encode() if isinstance(payload, str) else payload, LIMIT, Version.V2)
 
 
 def test_a_good_order_is_read() -> None:
@@ -76,17 +77,17 @@ def test_the_refused_order_is_named() -> None:
 def test_an_error_stays_short() -> None:
     with pytest.raises(Refused) as refused:
         decode(json.dumps(GOOD | {"orderId": "x" * 10_000, "nodes": "y" * 10_000}))
-    assert len(json.dumps(refused.value.error.data())) < 2000
+    assert len(json.dumps(refused.value.error.data(Version.V2))) < 2000
 
 
 def test_the_robot_sends_nothing_that_the_schema_forbids() -> None:
     with pytest.raises(ValueError, match="connectionState"):
-        codec.encode(Topic.CONNECTION, HEADER | {"connectionState": "ASLEEP"})
+        codec.encode(Topic.CONNECTION, HEADER | {"connectionState": "ASLEEP"}, Version.V2)
 
 
 def test_a_paused_action_may_be_reported_as_the_specification_has_it() -> None:
     state = Bench().tick() | {"actionStates": [{"actionId": "a", "actionStatus": "PAUSED"}]}
-    assert b"PAUSED" in codec.encode(Topic.STATE, state)
+    assert b"PAUSED" in codec.encode(Topic.STATE, state, Version.V2)
 
 
 def test_timestamps_are_utc_in_ms() -> None:
@@ -95,7 +96,7 @@ def test_timestamps_are_utc_in_ms() -> None:
 
 def test_the_factsheet_follows_its_schema_and_the_sdk_reads_it() -> None:
     data = HEADER | factsheet(ROBOT, VEHICLE, PARAMS)
-    sheet = sdk_decode(codec.encode(Topic.FACTSHEET, data), model.Factsheet)
+    sheet = sdk_decode(codec.encode(Topic.FACTSHEET, data, Version.V2), model.Factsheet)
     assert {one.action_type for one in sheet.protocol_features.agv_actions} >= {"pick", "drop", "cancelOrder"}
 
 
@@ -131,14 +132,14 @@ def test_no_header_id_comes_again_after_a_restart() -> None:
 
 
 def test_header_ids_of_a_long_run_are_reserved_in_time() -> None:
-    headers = Headers(PARAMS.identity, {})
+    headers = Headers(PARAMS.identity, Version.V2, {})
     for _ in range(3 * BLOCK):
         reserved = headers.reserve()["state"]
         assert headers.next(Topic.STATE, 0.0)["headerId"] < reserved
 
 
 def test_the_connection_is_announced() -> None:
-    messages = ConnectionMessages(Headers(PARAMS.identity, {}), lambda: 1.7e9)
+    messages = ConnectionMessages(Headers(PARAMS.identity, Version.V2, {}), lambda: 1.7e9)
     sent: list[Any] = [json.loads(make()) for make in (messages.broken, messages.online, messages.offline)]
     assert [one["connectionState"] for one in sent] == ["CONNECTIONBROKEN", "ONLINE", "OFFLINE"]
     assert [one["headerId"] for one in sent] == [0, 1, 2]

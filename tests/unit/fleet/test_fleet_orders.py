@@ -1,4 +1,4 @@
-"""Which orders and updates are taken over: each branch of figure 8 and each rule of 6.6 (VDA 5050 2.1.0)."""
+"""Which orders and updates are taken over: figure 8 and the rules around it (VDA 5050 2.1.0, 6.6; 3.0.0, 6.1)."""
 
 from __future__ import annotations
 
@@ -15,9 +15,12 @@ from robot_stack.contract.states import HeldBy
 from robot_stack.core.config import config_dir, read_yaml
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import Kind
+from robot_stack.fleet.errors import ErrorType
 from robot_stack.fleet.record import Phase
 from robot_stack.fleet.robot import Safety
+from robot_stack.fleet.version import Version
 from tests.unit.fleet.master import (
+    EDGES_V3,
     HEADER,
     VEHICLE,
     Bench,
@@ -32,17 +35,18 @@ from tests.unit.fleet.master import (
 )
 
 
-@pytest.fixture
-def bench() -> Bench:
-    return Bench()
+@pytest.fixture(params=list(Version))
+def bench(request: pytest.FixtureRequest) -> Bench:
+    return Bench(request.param)
 
 
-def is_refused(bench: Bench, data: Data, kind: str, *named: tuple[str, str]) -> None:
+def is_refused(bench: Bench, data: Data, kind: ErrorType, *named: tuple[str, str]) -> None:
     """The order changes nothing but the errors."""
     before = bench.kernel.record.order
-    errors = [error for error in bench.order(data)["errors"] if error["errorType"] == kind]
+    errors = [error for error in bench.order(data)["errors"] if [error["errorType"]] == bench.named(kind)]
     assert errors, bench.state["errors"]
-    assert errors[0]["errorLevel"] == "WARNING"
+    levels = {ErrorType.UNSUPPORTED: "CRITICAL", ErrorType.MEMORY: "URGENT"} if bench.version is Version.V3 else {}
+    assert errors[0]["errorLevel"] == levels.get(kind, "WARNING")
     references = {(one["referenceKey"], one["referenceValue"]) for one in errors[0]["errorReferences"]}
     assert {("topic", "order"), ("orderId", data["orderId"]), *named} <= references
     assert bench.kernel.record.order == before
@@ -67,8 +71,6 @@ def changed(change: Callable[[Data], Any]) -> Data:
         lambda data: data["edges"][0].update(sequenceId=2),
         lambda data: data["nodes"][0].update(sequenceId=2**32),
         lambda data: data.update(orderUpdateId=2**32),
-        lambda data: data["edges"][0].update(startNodeId="z"),
-        lambda data: data["edges"][1].update(endNodeId="z"),
         lambda data: data["nodes"][0].update(released=False),
         lambda data: data["edges"][0].update(released=False),
         lambda data: data["edges"][1].update(released=True),
@@ -77,26 +79,34 @@ def changed(change: Callable[[Data], Any]) -> Data:
         lambda data: data["nodes"][1].update(nodeId=""),
         lambda data: data["nodes"][1].update(actions=[action("wait", "w", duration=1.0)] * 2),
         lambda data: data.update(version="1.1.0"),
-        lambda data: data.update(version="3.0.0"),
+        lambda data: data.update(version="4.0.0"),
         lambda data: data.update(serialNumber="another"),
         lambda data: data.update(manufacturer="another"),
     ],
 )
 def test_a_malformed_order_is_refused(bench: Bench, change: Callable[[Data], Any]) -> None:
     bench.order(changed(change))
-    assert error_types(bench.state) == ["validationError"]
+    assert error_types(bench.state) == bench.named(ErrorType.VALIDATION)
     assert bench.kernel.record.order is None
 
 
+@pytest.mark.parametrize("change", [{"startNodeId": "z"}, {"endNodeId": "z"}])
+def test_an_edge_must_connect_its_nodes(change: Data) -> None:
+    """From 3.0 on only the sequence says which they are."""
+    bench = Bench()
+    bench.order(changed(lambda data: data["edges"][0].update(change)))
+    assert error_types(bench.state) == bench.named(ErrorType.VALIDATION)
+
+
 def test_a_new_order_begins_with_sequence_id_0(bench: Bench) -> None:
-    is_refused(bench, order(route("a", "b", first=2)), "validationError")
+    is_refused(bench, order(route("a", "b", first=2)), ErrorType.VALIDATION)
 
 
 def test_the_error_is_reported_until_an_order_is_accepted(bench: Bench) -> None:
-    is_refused(bench, order(route("a", "b", first=2)), "validationError")
+    is_refused(bench, order(route("a", "b", first=2)), ErrorType.VALIDATION)
     for _ in range(50):
         bench.tick()
-    assert error_types(bench.state) == ["validationError"]
+    assert error_types(bench.state) == bench.named(ErrorType.VALIDATION)
     assert error_types(bench.order(order(route("a", "b")))) == []
 
 
@@ -104,8 +114,8 @@ def test_the_error_is_reported_until_an_order_is_accepted(bench: Bench) -> None:
 
 
 def test_a_new_order_is_taken_over(bench: Bench) -> None:
-    state = bench.order(order(route("a", "b", "c", "d", horizon=1), "first", 7))
-    assert (state["orderId"], state["orderUpdateId"]) == ("first", 7)
+    state = bench.order(order(route("a", "b", "c", "d", horizon=1), "first"))
+    assert (state["orderId"], state["orderUpdateId"]) == ("first", 0)
     assert (state["lastNodeId"], state["lastNodeSequenceId"]) == ("a", 0)
     assert [(one["nodeId"], one["sequenceId"], one["released"]) for one in state["nodeStates"]] == [
         ("b", 2, True),
@@ -121,14 +131,14 @@ def test_a_new_order_is_taken_over(bench: Bench) -> None:
 
 def test_another_order_is_refused_while_one_is_under_way(bench: Bench) -> None:
     bench.order(order(route("a", "b")))
-    is_refused(bench, order(route("a", "b"), "second"), "orderError", ("activeOrderId", "order_1"))
+    is_refused(bench, order(route("a", "b"), "second"), ErrorType.OTHER_ORDER, ("activeOrderId", "order_1"))
 
 
 def test_another_order_is_refused_while_the_vehicle_waits_for_an_update(bench: Bench) -> None:
     bench.order(order(route("a", "b", "c", horizon=1)))
     bench.serve(3)
     assert node_ids(bench.state) == ["c"]
-    is_refused(bench, order(route("a", "b"), "second"), "orderError")
+    is_refused(bench, order(route("a", "b"), "second"), ErrorType.OTHER_ORDER)
 
 
 def test_another_order_is_taken_over_after_the_end(bench: Bench) -> None:
@@ -156,18 +166,20 @@ def test_the_first_node_must_be_trivially_reachable(
     if reachable:
         assert error_types(bench.order(data)) == []
     else:
-        is_refused(bench, data, "noRouteError", ("nodeId", "a"))
+        is_refused(bench, data, ErrorType.START_NODE, ("nodeId", "a"))
 
 
 def test_a_robot_that_does_not_know_its_pose_takes_no_order(bench: Bench) -> None:
     bench.robot = replace(bench.robot, pose=None)
-    is_refused(bench, order(route("a", "b")), "noRouteError")
+    is_refused(bench, order(route("a", "b")), ErrorType.START_NODE)
 
 
 def test_a_robot_whose_pose_is_lost_takes_no_order(bench: Bench) -> None:
     bench.robot = replace(bench.robot, safety=Safety(False, ("LOCALIZATION_LOST",)))
-    assert bench.tick()["agvPosition"]["positionInitialized"] is False
-    is_refused(bench, order(route("a", "b")), "noRouteError")
+    state = bench.tick()
+    known = "localized" if bench.version is Version.V3 else "positionInitialized"
+    assert state.get("agvPosition", state.get("mobileRobotPosition"))[known] is False
+    is_refused(bench, order(route("a", "b")), ErrorType.START_NODE)
 
 
 @pytest.mark.parametrize(
@@ -180,13 +192,13 @@ def test_a_robot_whose_pose_is_lost_takes_no_order(bench: Bench) -> None:
 def test_while_a_person_is_needed_the_fleet_is_not_in_control(bench: Bench, held_by: HeldBy, mode: str) -> None:
     bench.manager.held_by, bench.manager.reason = held_by, "held"
     assert bench.tick()["operatingMode"] == mode
-    is_refused(bench, order(route("a", "b")), "orderError", ("operatingMode", mode))
+    is_refused(bench, order(route("a", "b")), ErrorType.NOT_AVAILABLE, ("operatingMode", mode))
 
 
 def test_without_a_mission_manager_no_order_is_taken_over(bench: Bench) -> None:
     bench.manager.view = lambda robot: robot  # type: ignore[method-assign]
     bench.order(order(route("a", "b")))
-    assert error_types(bench.state) == ["orderError", "missionManagerUnknown"]
+    assert error_types(bench.state) == bench.named(ErrorType.NOT_AVAILABLE, ErrorType.MISSIONS_UNKNOWN)
     assert bench.state["operatingMode"] == "SERVICE"
 
 
@@ -194,14 +206,17 @@ def test_without_a_mission_manager_no_order_is_taken_over(bench: Bench) -> None:
 
 
 def test_an_older_update_is_refused_and_the_order_goes_on(bench: Bench) -> None:
+    bench.order(order(route("a", "b", horizon=1)))
     bench.order(order(route("a", "b"), update=3))
-    is_refused(bench, order(route("b", "c", first=2, x=2.0), update=2), "orderUpdateError", ("orderUpdateId", "2"))
+    is_refused(
+        bench, order(route("b", "c", first=2, x=2.0), update=2), ErrorType.OUTDATED_UPDATE, ("orderUpdateId", "2")
+    )
     assert node_ids(bench.serve(2)) == []
     assert bench.state["lastNodeId"] == "b"
 
 
 def test_the_same_update_again_is_ignored(bench: Bench) -> None:
-    data = order(route("a", "b", "c", horizon=1), update=3)
+    data = order(route("a", "b", "c", horizon=1))
     bench.order(data)
     record = bench.kernel.record.order
     bench.order(data)
@@ -226,7 +241,7 @@ def test_an_update_continues_the_base_and_replaces_the_horizon(bench: Bench) -> 
 @pytest.mark.parametrize("nodes", [route("b", "c", first=2), route("z", "c", first=4), route("c", "d", first=6)])
 def test_an_update_must_begin_at_the_end_of_the_base(bench: Bench, nodes: list[Data]) -> None:
     bench.order(order(route("a", "b", "c", "d", horizon=1)))
-    is_refused(bench, order(nodes, update=1), "orderUpdateError", ("orderUpdateId", "1"))
+    is_refused(bench, order(nodes, update=1), ErrorType.ORDER_UPDATE, ("orderUpdateId", "1"))
 
 
 def test_the_horizon_can_be_deleted(bench: Bench) -> None:
@@ -269,13 +284,13 @@ def test_the_stitching_node_keeps_its_actions(bench: Bench) -> None:
 def test_an_action_id_is_used_once(bench: Bench) -> None:
     bench.order(order([node("a", 0, 0.0), node("b", 2, 2.0, action("wait", "w", duration=1.0))]))
     again = order([node("b", 2, 2.0), node("c", 4, 4.0, action("wait", "w", duration=1.0))], update=1)
-    is_refused(bench, again, "orderUpdateError", ("actionId", "w"))
+    is_refused(bench, again, ErrorType.ORDER_UPDATE, ("actionId", "w"))
 
 
 def test_a_cancelled_order_is_not_updated(bench: Bench) -> None:
     bench.order(order(route("a", "b", "c", horizon=1)))
     bench.instant(action("cancelOrder"))
-    is_refused(bench, order(route("b", "c", first=2, x=2.0), update=1), "orderUpdateError")
+    is_refused(bench, order(route("b", "c", first=2, x=2.0), update=1), ErrorType.UPDATE_AFTER_CANCEL)
 
 
 # --- fields and actions that the robot cannot use (6.6.4.2) ----------------------------------------------------------
@@ -300,9 +315,11 @@ def test_a_field_of_an_edge_that_cannot_be_kept_is_refused_by_name(bench: Bench,
     data = order(route("a", "b", "c", horizon=1))
     data["edges"][1][field] = value  # of the horizon
     bench.order(data)
-    assert error_types(bench.state) == ["orderError"]
+    kind = ErrorType.ORDER_ACTION if field == "actions" else ErrorType.UNSUPPORTED
+    assert error_types(bench.state) == bench.named(kind)
     references = bench.state["errors"][0]["errorReferences"]
-    assert f"edge.{field}" in [one["referenceKey"] for one in references]
+    shown = EDGES_V3.get(field, field) if bench.version is Version.V3 else field
+    assert f"edge.{shown}" in [one["referenceKey"] for one in references]
     assert ("edgeId", "b-c") in [(one["referenceKey"], one["referenceValue"]) for one in references]
 
 
@@ -314,43 +331,77 @@ def test_fields_of_edges_that_the_robot_keeps_anyway_are_accepted(bench: Bench) 
 
 
 @pytest.mark.parametrize(
-    ("change", "field"),
+    ("change", "field", "kind"),
     [
-        (lambda one: one.pop("nodePosition"), "nodePosition"),
-        (lambda one: one["nodePosition"].update(mapId="moon"), "nodePosition.mapId"),
-        (lambda one: one["nodePosition"].update(x=1e9), "nodePosition"),
-        (lambda one: one["nodePosition"].update(allowedDeviationXY=0.01), "allowedDeviationXY"),
-        (lambda one: one["nodePosition"].update(theta=0.0, allowedDeviationTheta=0.001), "allowedDeviationTheta"),
-        (lambda one: one.update(actions=[action("wait", f"w{i}", duration=0.0) for i in range(9)]), "actions"),
-        (lambda one: one.update(actions=[action("lift")]), "actionType"),
-        (lambda one: one.update(actions=[action("finePositioning")]), "actionType"),
-        (lambda one: one.update(actions=[action("startCharging")]), "actionType"),
-        (lambda one: one.update(actions=[action("wait")]), "duration"),
-        (lambda one: one.update(actions=[action("wait", duration="long")]), "duration"),
-        (lambda one: one.update(actions=[action("wait", duration=1e6)]), "duration"),
-        (lambda one: one.update(actions=[action("pick")]), "stationName"),
-        (lambda one: one.update(actions=[action("pick", stationName="nowhere")]), "stationName"),
-        (lambda one: one.update(actions=[action("pick", stationName="charger")]), "stationName"),
-        (lambda one: one.update(actions=[action("pick", stationName=["chair_1"])]), "stationName"),
-        (lambda one: one.update(actions=[action("pick", stationName="chair_1", loadType="EPAL")]), "loadType"),
-        (lambda one: one.update(actions=[action("pick", stationName="chair_1", lhd="rear")]), "lhd"),
-        (lambda one: one.update(actions=[action("pick", stationName="chair_1", height=1.0)]), "height"),
+        (lambda one: one.pop("nodePosition"), "nodePosition", ErrorType.UNSUPPORTED),
+        (lambda one: one["nodePosition"].update(mapId="moon"), "nodePosition.mapId", ErrorType.UNKNOWN_MAP),
+        (lambda one: one["nodePosition"].update(x=1e9), "nodePosition", ErrorType.NO_ROUTE),
+        (
+            lambda one: one.update(actions=[action("wait", f"w{i}", duration=0.0) for i in range(9)]),
+            "actions",
+            ErrorType.MEMORY,
+        ),
+        (lambda one: one.update(actions=[action("lift")]), "actionType", ErrorType.ORDER_ACTION),
+        (lambda one: one.update(actions=[action("finePositioning")]), "actionType", ErrorType.ORDER_ACTION),
+        (lambda one: one.update(actions=[action("startCharging")]), "actionType", ErrorType.ORDER_ACTION),
+        (lambda one: one.update(actions=[action("wait")]), "duration", ErrorType.ORDER_ACTION),
+        (lambda one: one.update(actions=[action("wait", duration="long")]), "duration", ErrorType.ORDER_ACTION),
+        (lambda one: one.update(actions=[action("wait", duration=1e6)]), "duration", ErrorType.ORDER_ACTION),
+        (lambda one: one.update(actions=[action("pick")]), "stationName", ErrorType.ORDER_ACTION),
+        (
+            lambda one: one.update(actions=[action("pick", stationName="nowhere")]),
+            "stationName",
+            ErrorType.ORDER_ACTION,
+        ),
+        (
+            lambda one: one.update(actions=[action("pick", stationName="charger")]),
+            "stationName",
+            ErrorType.ORDER_ACTION,
+        ),
+        (
+            lambda one: one.update(actions=[action("pick", stationName=["chair_1"])]),
+            "stationName",
+            ErrorType.ORDER_ACTION,
+        ),
+        (
+            lambda one: one.update(actions=[action("pick", stationName="chair_1", loadType="EPAL")]),
+            "loadType",
+            ErrorType.ORDER_ACTION,
+        ),
+        (
+            lambda one: one.update(actions=[action("pick", stationName="chair_1", lhd="rear")]),
+            "lhd",
+            ErrorType.ORDER_ACTION,
+        ),
+        (
+            lambda one: one.update(actions=[action("pick", stationName="chair_1", height=1.0)]),
+            "height",
+            ErrorType.ORDER_ACTION,
+        ),
     ],
 )
 def test_what_a_node_asks_and_the_robot_has_not_is_refused_by_name(
-    bench: Bench, change: Callable[[Data], Any], field: str
+    bench: Bench, change: Callable[[Data], Any], field: str, kind: ErrorType
 ) -> None:
     data = order(route("a", "b", "c", horizon=1))
     change(data["nodes"][2])
-    is_refused(bench, data, "orderError", ("nodeId", "c"), ("field", field))
+    is_refused(bench, data, kind, ("nodeId", "c"), ("field", field))
 
 
-def test_zones_are_refused(bench: Bench) -> None:
-    is_refused(bench, order(route("a", "b"), zoneSetId="z"), "orderError", ("zoneSetId", "z"))
+@pytest.mark.parametrize("field", ["allowedDeviationXY", "allowedDeviationTheta"])
+def test_deviations_below_the_robots_own_are_refused(field: str) -> None:
+    """From 3.0 on they ask for what the robot can do."""
+    nodes = [node("a", 0, 0.0), node("b", 2, 2.0, theta=0.0, **{field: 0.001})]
+    is_refused(Bench(), order(nodes), ErrorType.UNSUPPORTED, ("nodeId", "b"), ("field", field))
+
+
+def test_zones_are_refused() -> None:
+    """From 3.0 on they belong to maps, not to orders."""
+    is_refused(Bench(), order(route("a", "b"), zoneSetId="z"), ErrorType.UNSUPPORTED, ("zoneSetId", "z"))
 
 
 def test_too_many_nodes_are_refused(bench: Bench) -> None:
-    is_refused(bench, order(route(*(f"n{i}" for i in range(255)))), "orderError", ("nodes", "255"))
+    is_refused(bench, order(route(*(f"n{i}" for i in range(255)))), ErrorType.MEMORY, ("nodes", "255"))
     assert error_types(bench.order(order(route(*(f"n{i}" for i in range(254)))))) == []
 
 
@@ -364,14 +415,14 @@ def test_too_many_nodes_are_refused(bench: Bench) -> None:
 )
 def test_loads_must_be_possible(bench: Bench, actions: list[Data], loaded: bool) -> None:
     bench.robot = replace(bench.robot, loaded=loaded)
-    is_refused(bench, order([node("a", 0, 0.0), node("b", 2, 2.0, *actions)]), "orderError")
+    is_refused(bench, order([node("a", 0, 0.0), node("b", 2, 2.0, *actions)]), ErrorType.ORDER_ACTION)
 
 
 def test_loads_are_followed_over_updates(bench: Bench) -> None:
     pick = action("pick", stationName="chair_1")
     bench.order(order([node("a", 0, 0.0), node("b", 2, 2.0, pick), node("c", 4, 4.0, released=False)]))
     again = order([node("b", 2, 2.0), node("c", 4, 4.0, pick | {"actionId": "p2"})], update=1)
-    is_refused(bench, again, "orderError", ("actionId", "p2"))
+    is_refused(bench, again, ErrorType.ORDER_ACTION, ("actionId", "p2"))
     assert error_types(bench.order(order([node("b", 2, 2.0), node("c", 4, 4.0, action("drop"))], update=1))) == []
 
 
