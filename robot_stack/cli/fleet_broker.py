@@ -93,24 +93,31 @@ class Fleet:
                 yield found
 
     def find(self, name: str, duration_s: float) -> Robot:
-        """A robot by ``serial`` or ``manufacturer/serial``, once known. Raises CommandError with the known ones."""
+        """A robot by ``serial`` or ``manufacturer/serial``, once online, or known after ``duration_s``.
+
+        The broker keeps what a robot has published by another version of the protocol before: the one online counts.
+        Raises CommandError with the known ones.
+        """
 
         def named() -> list[Robot]:
             return [
                 item for item in self.robots.values() if name in (item.serial, f"{item.manufacturer}/{item.serial}")
             ]
 
+        def online() -> list[Robot]:
+            return [robot for robot in named() if robot.connection == "ONLINE"]
+
         for _ in self.updates(duration_s):
-            if named():
+            if online():
                 break
-        match named():
+        match online() or named():
             case [robot]:
                 return robot
             case []:
                 known = ", ".join(sorted(robot.serial for robot in self.robots.values())) or "none"
                 raise CommandError(f"the broker knows no robot {name!r}; robots that have connected: {known}")
             case several:
-                raise CommandError(f"{name} is ambiguous: {', '.join(f'{r.manufacturer}/{r.serial}' for r in several)}")
+                raise CommandError(f"{name} is ambiguous: {', '.join(r.prefix for r in several)}")
 
     def send(self, robot: Robot, topic: Topic, data: Mapping[str, Any]) -> None:
         sent = self._client.publish(f"{robot.prefix}/{topic}", json.dumps(data), qos=0)

@@ -15,10 +15,11 @@ from custom_msgs.msg import MissionOrder, SafetyStatus
 from custom_msgs.srv import EditMissionQueue
 from robot_stack.contract import services, topics
 from robot_stack.fleet.link import Topic
+from robot_stack.fleet.version import Version
 from robot_stack.middleware.conversions import pose_from_msg
 from tests.simulated.bench import Bench
 from tests.simulated.nodes.robot import BLIND, DrivenRobot
-from tests.unit.fleet.master import HEADER, action, node, node_ids, order, statuses
+from tests.unit.fleet.master import HEADER, action, in_version, node, node_ids, order, statuses
 
 _LIMIT_S = 60.0
 
@@ -26,8 +27,8 @@ _LIMIT_S = 60.0
 class Site:
     """A master beside a robot that drives."""
 
-    def __init__(self, bench: Bench, folder: Path) -> None:
-        self.bench = bench
+    def __init__(self, bench: Bench, folder: Path, version: Version) -> None:
+        self.bench, self.version = bench, version
         self.robot = DrivenRobot(bench)
         self.broker = bench.devices.broker
         self.status, self.poses = bench.listen(topics.MISSION_STATUS), bench.listen(topics.INITIAL_POSE)
@@ -37,7 +38,8 @@ class Site:
         bench.repeat(topics.LOCALIZATION_QUALITY, lambda: Float32(data=0.9), 10.0)
         self.navigation = bench.start("navigation_controller", BLIND)
         self.manager = bench.start("mission_manager", {"journal_file": str(folder / "mission.db")})
-        self.agent = bench.start("fleet_agent", {"journal_file": str(folder / "fleet.json")})
+        settings = {"journal_file": str(folder / "fleet.json"), "protocol_version": version.value}
+        self.agent = bench.start("fleet_agent", settings)
         bench.run(1.0)
         assert self.ask(EditMissionQueue.Request.RELEASE).success
 
@@ -51,7 +53,8 @@ class Site:
         return self.bench.wait(lambda: answers and answers[0], "an answer")
 
     def send(self, topic: Topic, data: dict[str, Any]) -> None:
-        self.broker.publish(topic, json.dumps(data).encode())
+        """A message of 2.1.0, sent in the robot's version."""
+        self.broker.publish(topic, json.dumps(in_version(topic, data, self.version)).encode())
 
     def instant(self, *actions: dict[str, Any]) -> None:
         self.send(Topic.INSTANT_ACTIONS, HEADER | {"actions": list(actions)})
@@ -66,9 +69,9 @@ class Site:
         return self.state
 
 
-@pytest.fixture
-def site(bench: Bench, tmp_path: Path) -> Site:
-    return Site(bench, tmp_path)
+@pytest.fixture(params=list(Version))
+def site(bench: Bench, tmp_path: Path, request: pytest.FixtureRequest) -> Site:
+    return Site(bench, tmp_path, request.param)
 
 
 def first_part() -> dict[str, Any]:
@@ -139,7 +142,8 @@ def test_a_killed_agent_goes_on_where_it_was(site: Site) -> None:
 
 def test_a_pose_is_given_to_localization_while_no_mission_is_under_way(site: Site) -> None:
     pose = {"x": 1.0, "y": 2.0, "theta": 0.5, "mapId": "yard", "lastNodeId": "n"}
-    site.instant(action("initPosition", **pose))
+    kind = "initializePosition" if site.version is Version.V3 else "initPosition"
+    site.instant(action(kind, **pose))
     given = site.poses.wait(lambda message: True, "the pose")
     assert abs(pose_from_msg(given.pose.pose).yaw - 0.5) < 1e-9
     assert site.wait(lambda state: state["lastNodeId"] == "n", "the node")["errors"] == []

@@ -163,7 +163,7 @@ def test_robot_that_is_lost_or_silent(broker: RunningBroker, tmp_path: Path) -> 
     assert shown.exit_code == 1
     assert "CONNECTIONBROKEN" in shown.output
     file = written(tmp_path, order("o-1", ["start", "a"], serialNumber="F1"))
-    result = run(broker, "send", file, "--accept", "0.5")
+    result = run(broker, "send", file, "--accept", "0.5", "--wait", "0.5")
     assert result.exit_code == 1
     assert "F1 is CONNECTIONBROKEN" in result.output
     assert "has not accepted order o-1 within 0.5 s" in str(result.exception)
@@ -197,6 +197,8 @@ def test_wrong_files_are_not_sent(broker: RunningBroker, tmp_path: Path, data: A
 def test_a_robot_of_3_0_gets_what_3_0_has(broker: RunningBroker, tmp_path: Path) -> None:
     prefix = f"uagv/v3/{MAKER}/G1"
     robot = Peer(broker.params(), "robot of 3.0").connected().subscribe(f"{prefix}/#")
+    before = prefix.replace("v3", "v2")
+    robot.publish(f"{before}/connection", '{"connectionState": "OFFLINE", "version": "2.1.0"}', retain=True)
     robot.publish(f"{prefix}/connection", '{"connectionState": "ONLINE", "version": "3.0.0"}', retain=True)
     old = order("o-1", ["start", "a"], serialNumber="G1")
     data = old | {"edges": [{k: v for k, v in edge.items() if not k.endswith("NodeId")} for edge in old["edges"]]}
