@@ -98,9 +98,13 @@ class FleetKernel:
         if robot.queue is not None and robot.queue.held_by == HeldBy.MANUAL:
             self.record = instant.cancelled_by_robot(self.record, "the robot was driven by hand")
         self.record = progress.followed(self.record, robot)
+        left_bytes = self._params.limits.message_bytes
         for _ in range(min(len(self._inbox), self._params.limits.messages_per_tick)):
             topic, payload = self._inbox.popleft()
             self._read(topic, payload, robot, unix_s)
+            left_bytes -= len(payload)  # the schema's check of long messages takes long
+            if left_bytes <= 0:
+                break
         self.record = progress.followed(self.record, robot)
         self.record = instant.updated(self.record, robot, standing)
         if self._vehicle.version is Version.V3:

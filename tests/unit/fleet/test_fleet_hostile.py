@@ -243,3 +243,15 @@ def test_the_id_of_a_load_is_limited() -> None:
     bench = Bench()
     pick = action("pick", stationName="chair_1", loadId="x" * 129)
     assert error_types(bench.order(order([node("a", 0, 0.0), node("b", 2, 2.0, pick)]))) == ["orderError"]
+
+
+def test_a_tick_reads_few_long_messages() -> None:
+    """Else their checks would last longer than the supervisor waits for the agent."""
+    bench = Bench()
+    long = json.dumps(order(route("a", "b")) | {"padding": "x" * (PARAMS.limits.message_bytes // 2)}).encode()
+    for _ in range(4):
+        bench.kernel.receive(Topic.ORDER, long)
+    bench.kernel.receive(Topic.INSTANT_ACTIONS, json.dumps(HEADER | {"actions": [action("stateRequest")]}).encode())
+    bench.tick()
+    assert statuses(bench.tick()) == {}
+    assert statuses(bench.tick()) == {"stateRequest": "FINISHED"}
