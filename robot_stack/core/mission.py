@@ -31,6 +31,7 @@ Coordinate = Annotated[float, Field(strict=True, ge=-10_000.0, le=10_000.0)]
 # At most one full turn either way: a value in degrees is rejected instead of read as radians.
 Yaw = Annotated[float, Field(strict=True, ge=-6.2832, le=6.2832)]
 Name = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=64)]
+DockId = Annotated[str, StringConstraints(max_length=64)]
 MissionId = Annotated[str, StringConstraints(pattern=MISSION_ID_PATTERN)]
 
 
@@ -52,7 +53,7 @@ class Action(Config):
 
     kind: Kind
     wait_s: Annotated[float, Field(strict=True, ge=0.0, le=86_400.0)] = 0.0
-    dock_id: Annotated[str, StringConstraints(max_length=64)] = ""
+    dock_id: DockId = ""
 
     @model_validator(mode="before")
     @classmethod
@@ -82,6 +83,17 @@ class Spot(Config):
     @property
     def pose(self) -> Pose2:
         return Pose2(self.x, self.y, self.yaw)
+
+
+class Home(Spot):
+    """Where the robot goes by itself. dock: of a charger, to which it docks from there; empty = it parks."""
+
+    dock: DockId = ""
+
+    @model_serializer(mode="wrap")
+    def _without_empty_dock(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        fields: dict[str, Any] = serialize(self)
+        return fields if self.dock else {key: value for key, value in fields.items() if key != "dock"}
 
 
 class WaypointLabel(Config):
@@ -123,7 +135,7 @@ class Mission(Config):
 
     id: MissionId
     name: LocalName
-    home: Spot
+    home: Home
     waypoints: Annotated[tuple[Waypoint, ...], Field(min_length=1, max_length=MAX_WAYPOINTS)]
 
     @field_validator("waypoints")
@@ -137,6 +149,25 @@ class Mission(Config):
     def name_in(self, language: str) -> str:
         """The name for people; English for a language that missions do not have."""
         return str(getattr(self.name, language, self.name.en))
+
+
+def home_problem(mission: Mission, docks: Mapping[str, str]) -> str:
+    """Why the robot cannot dock at the mission's home, as a sentence for people; empty if it can, or parks there.
+
+    docks: kind of each dock by its id.
+    """
+    dock = mission.home.dock
+    if not dock or docks.get(dock) == "charger":
+        return ""
+    chargers = ", ".join(sorted(name for name, kind in docks.items() if kind == "charger"))
+    return f"the home of {mission.id!r}: {dock!r} is no charger; known: {chargers or 'none'}"
+
+
+def ends_carriage(mission: Mission, docks: Mapping[str, str]) -> bool:
+    """True if the route undocks the passenger aboard and docks to no other wheelchair. docks: as ``home_problem``."""
+    actions = [waypoint.action for waypoint in mission.waypoints]
+    undocks = any(action.kind is Kind.UNDOCK for action in actions)
+    return undocks and not any(docks.get(action.dock_id) == "wheelchair" for action in actions)
 
 
 def never_dockable(mission: Mission, docks: Mapping[str, str]) -> tuple[int, str] | None:

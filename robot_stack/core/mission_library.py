@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from robot_stack.core.config import ConfigError, config_dir, read_yaml
-from robot_stack.core.mission import Mission, never_dockable
+from robot_stack.core.mission import Mission, home_problem, never_dockable
 from robot_stack.core.runtime import own_missions_dir
 
 # A longer value is not repeated in a problem.
@@ -89,6 +89,9 @@ def judge(data: Mapping[str, Any], docks: Mapping[str, str] | None = None) -> tu
         return None, [_problem(item, data) for item in found]
     if docks is None:
         return mission, []
+    homeless = home_problem(mission, docks)
+    if homeless:
+        return None, [Problem(("home", "dock"), "home.dock", homeless)]
     undockable = never_dockable(mission, docks)
     if undockable is None:
         return mission, []

@@ -59,6 +59,8 @@ def task_of(record: Record, docks: Mapping[str, str]) -> Task | None:
     current = record.current
     if current is None or current.action.kind not in (Kind.DOCK, Kind.UNDOCK):
         return None
+    if record.leaving:
+        return Task(Kind.UNDOCK, "", carried=False)
     ids = [stop.action.dock_id for stop in record.stops[: record.waypoint + 1] if stop.action.kind is Kind.DOCK]
     dock_id = ids[-1] if ids else ""
     return Task(current.action.kind, dock_id, docks.get(dock_id, "wheelchair") == "wheelchair")

@@ -163,6 +163,7 @@ def _to_json(record: Record) -> str:
             "docking_begun": record.docking_begun,
             "queue": _queue_to_data(record.queue),
             "safe_place": record.safe_place.model_dump(mode="json") if record.safe_place else None,
+            "leaving": record.leaving,
         },
         ensure_ascii=False,
     )
@@ -184,6 +185,7 @@ def _from_json(text: str) -> Record:
             docking_begun=bool(data.get("docking_begun", False)),  # journals from before docking have none
             queue=_queue_from_data(data["queue"]) if "queue" in data else OrderQueue(),  # nor a queue
             safe_place=SafePlace.model_validate(data["safe_place"]) if data.get("safe_place") else None,
+            leaving=bool(data.get("leaving", False)),
         )
     except ValidationError as error:
         raise _Nonsense(f"its mission is invalid in {error.error_count()} places") from error

@@ -16,8 +16,8 @@ from robot_stack.contract.states import DOCKING, DockingState, HeldBy
 from robot_stack.core.departure import SETTING_OUT, Departure, DepartureParams
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.goals import NAVIGATION, NavigationGoals
-from robot_stack.core.mission import Kind, Mission, docking_problem, never_dockable
-from robot_stack.core.safe_places import SafePlaces
+from robot_stack.core.mission import Kind, Mission, docking_problem, ends_carriage, home_problem, never_dockable
+from robot_stack.core.safe_places import SafePlace, SafePlaces
 from robot_stack.mission import display, docking, guards, orders, own_route, route, status
 from robot_stack.mission import events as ev
 from robot_stack.mission.docking import DockingCalls
@@ -127,6 +127,7 @@ class MissionKernel:
         self._ended_s = 0.0  # since the last mission ended
         self._rested_s = 0.0  # since then, without anything else that moves the robot or keeps it
         self._lost_s = 0.0  # for which localization has been lost
+        self._may_leave = False  # a person has released the queue of a robot that is charged and still docked
         self._reported_queue: QueueReport | None = None
         self.queue_answer = QueueAnswer()  # to the last EditQueue
         self._asserted = False  # our own last /emergency_stop is true
@@ -207,7 +208,7 @@ class MissionKernel:
             return self._refuse(command.problem)
         if target_of(self._record.state, Trigger.START) is None:
             return self._queue_up(command.mission)
-        problem = self._may_not_start(command.mission, inputs) or self._battery_low(inputs)
+        problem = self._may_not_start(command.mission, inputs) or self._too_low_for(command.mission, inputs)
         if problem:
             return self._refuse(problem)
         return self._begin(Trigger.START, command.mission, inputs)
@@ -230,7 +231,7 @@ class MissionKernel:
 
     def _may_not_start(self, mission: Mission, inputs: Inputs) -> str:
         undockable = docking_problem(mission, self._docks, self._record.passenger_attached)
-        return undockable[1] if undockable else self._may_not_go(inputs)
+        return undockable[1] if undockable else home_problem(mission, self._docks) or self._may_not_go(inputs)
 
     def _begin(
         self, trigger: Trigger, mission: Mission, inputs: Inputs, order: Order | None = None
@@ -240,6 +241,8 @@ class MissionKernel:
         aboard, start = record.passenger_attached, finite(inputs.pose)
         self._speed = route.MeanSpeed(self._params.eta_speed_time_constant_s)
         fresh = Record(record.state, mission, passenger_attached=aboard, start=start, queue=queue)
+        if self._at_dock(inputs):
+            return self._begin_docking(Trigger.START_DOCKED, replace(fresh, leaving=True))
         return self._go(trigger, fresh)
 
     def _pause(self) -> tuple[Effect, ...]:
@@ -257,10 +260,17 @@ class MissionKernel:
         return self._refuse(problem) if problem else self._resumed(inputs)
 
     def _resumed(self, inputs: Inputs) -> tuple[Effect, ...]:
+        if self._leaves_charger(inputs):
+            record = replace(self._record, failed_tries=0, safe_place=None, leaving=True)
+            return self._begin_docking(Trigger.RESUME_UNDOCKING, record)
+        if self._record.leaving:
+            return self._go(Trigger.RESUME, replace(self._record, leaving=False, docking_begun=False))
         if self._record.safe_place is not None:
             place = self._record.safe_place if guards.battery_critical(inputs) else None
+            if place is not None and place.dock and self._record.passenger_attached:
+                place = None
             reason = self._record.reason if place else ""
-            record = replace(self._record, failed_tries=0, safe_place=place)
+            record = replace(self._record, failed_tries=0, safe_place=place, docking_begun=False)
             if record.current is not None:
                 return self._go(Trigger.RESUME, record, reason)
             return self._end(record, Trigger.RESUME_DONE, Trigger.RESUME_AWAITING)
@@ -274,13 +284,21 @@ class MissionKernel:
         return self._begin_docking(_RESUME_DOCKING[task.kind])
 
     def _may_not_resume(self, inputs: Inputs) -> str:
-        if self._record.docking_begun:
+        if self._leaves_charger(inputs):
+            return self._battery_low(inputs)
+        if self._record.docking_begun and self._record.safe_place is None:
             return ""
         if guards.lost(inputs):
             return "localization is lost: set the pose on the map first"
         if guards.battery_critical(inputs) and self._record.safe_place is None:
             return f"{_CRITICAL}: charge the robot first"
         return ""
+
+    def _leaves_charger(self, inputs: Inputs) -> bool:
+        """The robot is docked, but not for a waypoint of its mission: it must undock before it goes on."""
+        record = self._record
+        due = record.leaving or not (record.docking_begun or docking.at_station(record, self._docks))
+        return self._at_dock(inputs) and record.current is not None and (due or record.safe_place is not None)
 
     def _abort(self, trigger: Trigger = Trigger.ABORT, by: str = "command") -> tuple[Effect, ...]:
         aboard = self._record.passenger_attached
@@ -296,6 +314,14 @@ class MissionKernel:
 
     def _battery_low(self, inputs: Inputs) -> str:
         return guards.battery_low(inputs, self._params.minimum_battery)
+
+    def _too_low_for(self, mission: Mission, inputs: Inputs) -> str:
+        """With a low battery only a passenger is driven to where the carriage ends, and not with a critical one."""
+        low = self._battery_low(inputs)
+        if not low or not self._record.passenger_attached or guards.battery_critical(inputs):
+            return low
+        ends = ends_carriage(mission, self._docks)
+        return "" if ends else f"{low}, except one that undocks the passenger aboard"
 
     # --- changes of state --------------------------------------------------------------------------------------------
 
@@ -313,9 +339,9 @@ class MissionKernel:
         stop = (CancelGoal(everything=True), *self._calls.drop())
         return (*stop, self._change(trigger, record or self._record, reason))
 
-    def _begin_docking(self, trigger: Trigger) -> tuple[Effect, ...]:
+    def _begin_docking(self, trigger: Trigger, record: Record | None = None) -> tuple[Effect, ...]:
         """Journaled first; a later tick sends the goal. Only the docking controller commands the drive meanwhile."""
-        save = self._change(trigger, replace(self._record, docking_begun=True), "")
+        save = self._change(trigger, replace(record or self._record, docking_begun=True), "")
         self._calls.begin()
         task = docking.task_of(self._record, self._docks)
         assert task is not None
@@ -380,11 +406,14 @@ class MissionKernel:
                 self._hold.hold(HeldBy.STAFF)
                 return self._answer_edit(self._hold.reason)
             case Operation.RELEASE:
-                problem = self._may_not_go(inputs) or self._battery_low(inputs) or self._docked(inputs)
+                charged = self._at_dock(inputs) and inputs.battery >= self._params.charged
+                docked = "" if charged else self._docked(inputs)
+                problem = self._may_not_go(inputs) or self._battery_low(inputs) or docked
                 if request.origin is Origin.FLEET:
                     problem = "only a person releases the queue"
                 if problem:
                     raise QueueRefusal(problem)
+                self._may_leave = charged
                 self._hold.release()
                 return self._answer_edit("orders start one after the other")
             case _:
@@ -433,9 +462,7 @@ class MissionKernel:
         if request.operation is Operation.RESUME:
             return self._resume_order(order, inputs)
         if self.under_way and self._record.safe_place is not None:
-            raise QueueRefusal(
-                f"{_CRITICAL}: the robot drives to the safe place {self._record.safe_place.name!r} first"
-            )
+            raise QueueRefusal(f"{_CRITICAL}: the robot drives to {self._record.safe_place} first")
         return self._pause_order(order) if request.operation is Operation.PAUSE else self._cancel_order(order)
 
     def _extend(self, order: Order, request: EditQueue, inputs: Inputs) -> tuple[Effect, ...]:
@@ -514,7 +541,7 @@ class MissionKernel:
             raise QueueRefusal(f"no change of destination while the mission is {record.state.value}")
         if order.origin is Origin.FLEET and (record.state is State.PAUSED or record.passenger_attached):
             raise QueueRefusal("the fleet changes neither a paused ride nor that of a passenger")
-        if docking.at_station(record, self._docks):
+        if docking.at_station(record, self._docks) or self._at_dock(inputs):
             raise QueueRefusal("no change of destination while the robot is docked to a station")
         assert order.mission is not None
         problem = self._may_not_start(order.mission, inputs) or self._may_not_resume(inputs)
@@ -544,11 +571,12 @@ class MissionKernel:
             self._hold.hold(HeldBy.BATTERY_LOW)
         if inputs.manual and not self.under_way:
             self._hold.hold(HeldBy.MANUAL)
+        self._may_leave = self._may_leave and self._at_dock(inputs)
         if self._record.state in ACTIVE:
             return
         if self._lost_s >= self._params.localization_lost_s:
             self._hold.hold(HeldBy.LOCALIZATION_LOST)
-        if self._docked(inputs):
+        if self._docked(inputs) and not self._may_leave:
             self._hold.hold(HeldBy.DOCKED)
         # The plan of the mission that has just ended may still be there.
         if self._ended_s > self._params.goal_retry_s and (inputs.planned or inputs.docking_state in DOCKING):
@@ -556,8 +584,10 @@ class MissionKernel:
 
     def _docked(self, inputs: Inputs) -> str:
         """Why the robot may not drive off by itself: it is at a station, or at a chair that is not latched."""
-        at_dock = inputs.docking_state == DockingState.DOCKED and not self._record.passenger_attached
-        return orders.HELD_TEXTS[HeldBy.DOCKED] if at_dock or inputs.charging else ""
+        return orders.HELD_TEXTS[HeldBy.DOCKED] if self._at_dock(inputs) or inputs.charging else ""
+
+    def _at_dock(self, inputs: Inputs) -> bool:
+        return inputs.docking_state == DockingState.DOCKED and not self._record.passenger_attached
 
     def _next_order(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         """Starts the next order of a robot that has no mission, unless a person or the safety has to be waited for."""
@@ -698,18 +728,28 @@ class MissionKernel:
         return self._leg.stalls(pose, goal, self._navigation.distance_m, self._navigation.recoveries, dt_s)
 
     def _to_safety(self, inputs: Inputs) -> tuple[Effect, ...]:
-        """The battery is critical: drives to the nearest safe place, or stands where the robot is."""
+        """The battery is critical: drives to the nearest safe place or charger, or stands where the robot is."""
         if docking.at_station(self._record, self._docks):
             return self._stand(Trigger.NO_SAFE_PLACE, f"{_CRITICAL}; the robot stays at the station, RESUME goes on")
         pose = finite(inputs.pose)
         if pose is None:
             return ()
-        place = self._safe_places.nearest(pose)
+        place = self._refuge(pose)
         if place is None:
             reason = f"{_CRITICAL} and no safe place is configured; charge the robot, then RESUME goes on"
             return self._stand(Trigger.NO_SAFE_PLACE, reason)
         record = replace(self._record, safe_place=place, failed_tries=0)
-        return self._go(Trigger.TO_SAFE_PLACE, record, f"{_CRITICAL}: driving to the safe place {place.name!r}")
+        return self._go(Trigger.TO_SAFE_PLACE, record, f"{_CRITICAL}: driving to {place}")
+
+    def _refuge(self, pose: Pose2) -> SafePlace | None:
+        """The nearest safe place, or for an empty robot the charger of the mission's home if that is not farther."""
+        place = self._safe_places.nearest(pose)
+        assert self._record.mission is not None
+        home = self._record.mission.home
+        if not home.dock or self._record.passenger_attached:
+            return place
+        nearer = place is not None and pose.distance_to(place.pose) < pose.distance_to(home.pose)
+        return place if nearer else SafePlace(x=home.x, y=home.y, yaw=home.yaw, dock=home.dock, name=home.dock)
 
     def _set_out(self, goal: Pose2, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         if self._held:  # a warning long before the motion has no effect
@@ -738,8 +778,8 @@ class MissionKernel:
         """The waypoint is reached."""
         current, place = self._record.current, self._record.safe_place
         assert current is not None
-        if place is not None:
-            reason = f"{_CRITICAL}: at the safe place {place.name!r}; charge the robot, then RESUME goes on"
+        if place is not None and not place.dock:
+            reason = f"{_CRITICAL}: at {place}; charge the robot, then RESUME goes on"
             return self._stand(Trigger.SAFE_PLACE, reason, replace(self._record, safe_place=None))
         if current.action.wait_s > 0.0:
             return (self._change(Trigger.WAIT_HERE, self._record, ""),)
@@ -762,7 +802,13 @@ class MissionKernel:
             return (*effects, *self._stand(Trigger.DOCKING_FAILED, outcome.problem))
         self._announcements.say(*display.announced_at_end_of(task, self._calls.state))
         self._calls.drop()
-        return self._next(inputs)
+        place = self._record.safe_place
+        if self._record.leaving:
+            return self._go(Trigger.NEXT, replace(self._record, leaving=False, docking_begun=False))
+        if place is None or self._record.homeward:
+            return self._next(inputs)
+        reason = f"{_CRITICAL}: at {place}; once it is charged, RESUME goes on"
+        return self._stand(Trigger.SAFE_PLACE, reason, replace(self._record, safe_place=None, docking_begun=False))
 
     def _wait(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         current = self._record.current
@@ -780,7 +826,8 @@ class MissionKernel:
         done: Trigger = Trigger.DONE,
         await_part: Trigger = Trigger.AWAIT_PART,
     ) -> tuple[Effect, ...]:
-        record = replace(self._record, waypoint=self._record.waypoint + 1, failed_tries=0, docking_begun=False)
+        waypoint = self._record.waypoint + 1
+        record = replace(self._record, waypoint=waypoint, failed_tries=0, docking_begun=False, safe_place=None)
         if record.current is None and self._should_go_home(inputs):
             record = replace(record, homeward=True)
         if record.current is not None:
@@ -802,7 +849,8 @@ class MissionKernel:
         last = record.mission.waypoints[-1]
         if last.action.kind is Kind.DOCK:  # a robot at a station stays there
             return False
-        return last.pose.distance_to(record.mission.home.pose) > self._params.home_radius_m
+        home = record.mission.home
+        return bool(home.dock) or last.pose.distance_to(home.pose) > self._params.home_radius_m
 
     def _try_failed(self, pose: Pose2, navigation_text: str) -> tuple[Effect, ...]:
         current = self._record.current

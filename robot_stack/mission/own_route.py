@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from robot_stack.core.mission import MAX_WAYPOINTS, Kind, Mission, Spot, Waypoint
+from robot_stack.core.mission import MAX_WAYPOINTS, Home, Kind, Mission, Waypoint
 from robot_stack.core.mission_library import MissionError, judge
 from robot_stack.mission.orders import Order, QueueRefusal
 
@@ -106,4 +106,4 @@ def aboard_at_start(mission: Mission, attached: bool) -> bool:
 
 def _ending(mission: Mission) -> Mission:
     last = mission.waypoints[-1]
-    return mission.model_copy(update={"home": Spot(x=last.x, y=last.y, yaw=last.yaw)})
+    return mission.model_copy(update={"home": Home(x=last.x, y=last.y, yaw=last.yaw)})

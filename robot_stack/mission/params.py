@@ -37,6 +37,7 @@ class MissionParams(Config):
     next_order_after_s: Annotated[float, Field(ge=0.0, le=600.0)]
     localization_lost_s: Annotated[float, Field(ge=1.0, le=600.0)]
     minimum_battery: Annotated[float, Field(ge=0.0, le=1.0)]
+    charged: Annotated[float, Field(ge=0.0, le=1.0)]
     home_radius_m: Positive
     language: Literal["en", "ja", "zh"]
     ehmi_volume: Annotated[int, Field(ge=0, le=10)]
@@ -48,6 +49,12 @@ class MissionParams(Config):
         """With a progress_timeout_s that outlasts navigation's longest wait, unless one is set."""
         timeout_s = self.progress_timeout_s or longest_wait_s + self.progress_reserve_s
         return self.model_copy(update={"progress_timeout_s": timeout_s})
+
+    @model_validator(mode="after")
+    def _charged_is_enough_for_a_mission(self) -> MissionParams:
+        if self.charged < self.minimum_battery:
+            raise ValueError("charged must not be below minimum_battery")
+        return self
 
     @model_validator(mode="after")
     def _passing_is_looser(self) -> MissionParams:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from robot_stack.core.geometry import Pose2
-from robot_stack.core.mission import Action, Kind, Mission, Spot, Waypoint
+from robot_stack.core.mission import Action, Home, Kind, Mission, Waypoint
 from robot_stack.core.safe_places import SafePlace
 from robot_stack.mission.orders import EMPTY_QUEUE, OrderQueue, problem_of_queue
 from robot_stack.mission.states import ACTIVE, STANDING, State, Trigger, target_of
 
 HOME_NAME = "home"
+_UNDOCK = Action.model_validate(Kind.UNDOCK.value)
 _SERVED_IN = {State.DOCKING: Kind.DOCK, State.UNDOCKING: Kind.UNDOCK}
 
 
@@ -27,7 +28,8 @@ class Record:
     reason: cause of the state, for people.
     docking_begun: the docking or undocking of this waypoint was begun and has not succeeded.
     queue: orders that wait, that of the mission, and the last ones.
-    safe_place: where the robot drives instead because the battery is critical.
+    safe_place: where the robot drives, or docks, instead because the battery is critical.
+    leaving: it undocks from a charger before it drives to this waypoint.
     """
 
     state: State = State.IDLE
@@ -41,16 +43,27 @@ class Record:
     docking_begun: bool = False
     queue: OrderQueue = EMPTY_QUEUE
     safe_place: SafePlace | None = None
+    leaving: bool = False
 
     @property
     def stops(self) -> tuple[Waypoint, ...]:
-        """The mission's waypoints, and home or a safe place as the last if the robot is sent there."""
+        """The mission's waypoints, and home or a safe place as the last if the robot is sent there.
+
+        While the robot leaves a charger, the next waypoint has the undocking in place of its own action.
+        """
+        stops, current = self._route, self.waypoint
+        if not self.leaving or current >= len(stops):
+            return stops
+        return (*stops[:current], stops[current].model_copy(update={"action": _UNDOCK}), *stops[current + 1 :])
+
+    @property
+    def _route(self) -> tuple[Waypoint, ...]:
         if self.mission is None:
             return ()
         waypoints = self.mission.waypoints
         if self.safe_place is not None:
-            return (*waypoints[: self.waypoint], _parking(self.safe_place, self.safe_place.name))
-        return (*waypoints, _parking(self.mission.home, HOME_NAME)) if self.homeward else waypoints
+            return (*waypoints[: self.waypoint], _stop_at(self.safe_place, self.safe_place.name))
+        return (*waypoints, _stop_at(self.mission.home, HOME_NAME)) if self.homeward else waypoints
 
     @property
     def current(self) -> Waypoint | None:
@@ -58,8 +71,9 @@ class Record:
         return self.stops[self.waypoint] if self.waypoint < len(self.stops) else None
 
 
-def _parking(spot: Spot, name: str) -> Waypoint:
-    return Waypoint(x=spot.x, y=spot.y, yaw=spot.yaw, name=name, action=Action.model_validate(Kind.PARK.value))
+def _stop_at(home: Home, name: str) -> Waypoint:
+    action = Action.model_validate({Kind.DOCK.value: home.dock} if home.dock else Kind.PARK.value)
+    return Waypoint(x=home.x, y=home.y, yaw=home.yaw, name=name, action=action)
 
 
 def problem_of(record: Record) -> str:

@@ -34,6 +34,7 @@ ACTIVE = UNDER_WAY | STANDING
 
 class Trigger(Enum):
     START = "START_MISSION"
+    START_DOCKED = "START_MISSION while docked to a charger"
     PAUSE = "PAUSE"
     RESUME = "RESUME"
     RESUME_DOCKING = "RESUME of a docking"
@@ -56,9 +57,9 @@ class Trigger(Enum):
     JOURNAL_LOST = "journal cannot be written"
     RESTORED = "restart with a mission in the journal"
     REPLACE = "change of destination"
-    TO_SAFE_PLACE = "battery critical, a safe place is configured"
-    SAFE_PLACE = "safe place reached"
-    NO_SAFE_PLACE = "battery critical, no safe place is configured"
+    TO_SAFE_PLACE = "battery critical, a safe place or a charger is known"
+    SAFE_PLACE = "safe place reached, or docked to the charger"
+    NO_SAFE_PLACE = "battery critical, no safe place is known"
     LOST = "localization lost for longer than localization_lost_s"
 
 
@@ -69,6 +70,7 @@ _MOVING = (State.RUNNING, State.WAITING, *_DOCKING)
 
 TRANSITIONS: tuple[Transition[State, Trigger], ...] = (
     *rows(_ENDED, Trigger.START, State.RUNNING),
+    *rows(_ENDED, Trigger.START_DOCKED, State.UNDOCKING),
     *rows(_MOVING, Trigger.PAUSE, State.PAUSED),
     *rows(_STANDING, Trigger.RESUME, State.RUNNING),
     *rows(_STANDING, Trigger.RESUME_DOCKING, State.DOCKING),
@@ -92,7 +94,7 @@ TRANSITIONS: tuple[Transition[State, Trigger], ...] = (
     *rows((State.IDLE,), Trigger.RESTORED, State.PAUSED),
     *rows((State.RUNNING, State.WAITING, State.PAUSED), Trigger.REPLACE, State.RUNNING),
     *rows((State.RUNNING, State.WAITING), Trigger.TO_SAFE_PLACE, State.RUNNING),
-    *rows((State.RUNNING,), Trigger.SAFE_PLACE, State.PAUSED),
+    *rows((State.RUNNING, State.DOCKING), Trigger.SAFE_PLACE, State.PAUSED),
     *rows((State.RUNNING, State.WAITING), Trigger.NO_SAFE_PLACE, State.PAUSED),
     *rows((State.RUNNING, State.WAITING), Trigger.LOST, State.PAUSED),
 )

@@ -49,13 +49,13 @@ def waypoints_of(*actions, first=0) -> list[dict]:
     ]
 
 
-def make_mission(*actions, mission_id="ride", home=(0.0, 0.0, 0.0)) -> Mission:
+def make_mission(*actions, mission_id="ride", home=(0.0, 0.0, 0.0), charger="") -> Mission:
     """Returns a mission with the waypoints of ``waypoints_of``."""
     waypoints = waypoints_of(*actions)
     names = {"en": "Ride", "ja": "走行", "zh": "行驶"}
     x, y, yaw = home
     return Mission.model_validate(
-        {"id": mission_id, "name": names, "home": {"x": x, "y": y, "yaw": yaw}, "waypoints": waypoints}
+        {"id": mission_id, "name": names, "home": {"x": x, "y": y, "yaw": yaw, "dock": charger}, "waypoints": waypoints}
     )
 
 

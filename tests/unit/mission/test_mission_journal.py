@@ -38,7 +38,17 @@ QUEUE = OrderQueue(
 )
 PLACE = SafePlace(name="base", x=1.0, y=2.0, yaw=0.5)
 FULL = Record(
-    State.WAITING, RIDE, 1, 2, True, True, Pose2(1.0, -2.0, 0.5), "because; 理由", queue=QUEUE, safe_place=PLACE
+    State.WAITING,
+    RIDE,
+    1,
+    2,
+    True,
+    True,
+    Pose2(1.0, -2.0, 0.5),
+    "because; 理由",
+    queue=QUEUE,
+    safe_place=PLACE,
+    leaving=True,
 )
 
 
@@ -96,9 +106,9 @@ def test_a_journal_from_before_the_queue_is_read(path):
     save(path, FULL)
     with closing(sqlite3.connect(path)) as connection, connection:
         data = json.loads(connection.execute("SELECT record FROM current").fetchone()[0])
-        del data["queue"], data["safe_place"]
+        del data["queue"], data["safe_place"], data["leaving"]
         connection.execute("UPDATE current SET record = ?", (json.dumps(data),))
-    assert reopened(path) == replace(FULL, queue=OrderQueue(), safe_place=None)
+    assert reopened(path) == replace(FULL, queue=OrderQueue(), safe_place=None, leaving=False)
 
 
 def test_a_journal_from_before_own_routes_is_read(path):

@@ -63,6 +63,7 @@ INTO: dict[State, Step] = {
 }
 THEN: dict[Trigger, Step] = {
     Trigger.START: lambda story: story.start("park"),
+    Trigger.START_DOCKED: lambda story: story.given(docking_state="DOCKED").start("park"),
     Trigger.PAUSE: lambda story: story.command(ev.PAUSE),
     Trigger.RESUME: lambda story: story.command(ev.RESUME),
     Trigger.RESUME_DOCKING: lambda story: story.command(ev.RESUME),
@@ -83,7 +84,9 @@ THEN: dict[Trigger, Step] = {
     Trigger.REPLACE: lambda story: story.order("x", "park", operation=Operation.REPLACE, origin=Origin.CLI),
     Trigger.TO_SAFE_PLACE: lambda story: story.given(faults=("BATTERY_CRITICAL",)).tick(),
     Trigger.NO_SAFE_PLACE: lambda story: story.given(faults=("BATTERY_CRITICAL",)).tick(),
-    Trigger.SAFE_PLACE: lambda story: story.reach(BASE.x),
+    Trigger.SAFE_PLACE: lambda story: (
+        story.tick().accept().ends(True) if story.state is State.DOCKING else story.reach(BASE.x)
+    ),
     Trigger.RESUME_AWAITING: lambda story: story.command(ev.RESUME),
     Trigger.CANCEL: lambda story: story.asks(Operation.CANCEL, origin="cli"),
     Trigger.AWAIT_PART: lambda story: story.reach(2.0).tick(2.5),
@@ -143,6 +146,12 @@ VIA: dict[tuple[State, Trigger], Step] = {
     (State.WAITING, Trigger.NEXT): lambda story: story.start(WAIT, "park").reach(2.0),
     (State.DOCKING, Trigger.NEXT): lambda story: story.start(DOCK, "park").arrive(2.0),
     (State.RUNNING, Trigger.SAFE_PLACE): lambda story: story.start("park").given(faults=("BATTERY_CRITICAL",)).tick(),
+    (State.DOCKING, Trigger.SAFE_PLACE): lambda story: (
+        story.command(ev.START_MISSION, make_mission("park", home=(-0.5, 0.0, 0.0), charger="charger"))
+        .given(faults=("BATTERY_CRITICAL",))
+        .tick()
+        .arrive(-0.5)
+    ),
     (State.UNDOCKING, Trigger.NEXT): lambda story: story.attach().start("undock", "park").arrive(2.0),
 }
 SERVED: dict[State, Step] = {

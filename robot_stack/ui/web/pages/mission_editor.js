@@ -128,7 +128,7 @@ export function MissionEditor({ link, state, say, files, edit, setEdit }) {
   const place = (at) => {
     const pose = { x: round(at.x, 2), y: round(at.y, 2), yaw: round(at.yaw, 4) };
     if (tool === "add") insert({ name: t("missions.new_stop"), ...pose, action: "pass" });
-    else if (chosen === "home") change({ home: pose });
+    else if (chosen === "home") change({ home: { ...draft.home, ...pose } });
     else changeStop(chosen, pose);
     setTool(null);
   };

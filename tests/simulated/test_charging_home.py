@@ -1,0 +1,52 @@
+"""A mission that ends on a low battery goes home to the charger; after a release the next order begins there."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from custom_msgs.msg import MissionOrder, MissionQueue
+from custom_msgs.srv import EditMissionQueue
+from robot_stack.contract import services, topics
+from robot_stack.core.docks import load_docks
+from robot_stack.core.geometry import Pose2
+from tests.simulated.stage import Stage, staged
+from tests.support.environment import own_config
+
+MISSION = """
+id: hop
+name: {en: Hop, ja: 走行, zh: 行驶}
+home: {x: -0.5, y: 0.0, yaw: 0.0, dock: charger}
+waypoints:
+  - {name: end, x: 0.8, y: 0.0, yaw: 0.0, action: park}
+"""
+_Request = EditMissionQueue.Request
+
+
+def edit(stage: Stage, operation: int) -> Any:
+    order = MissionOrder(id="next", mission_id="hop", origin=MissionOrder.CLI, priority=100)
+    return stage.call(services.EDIT_MISSION_QUEUE, _Request(operation=operation, order=order))
+
+
+def test_a_low_battery_leads_to_the_charger_and_a_release_away_from_it(tmp_path: Path) -> None:
+    docked = load_docks().docks["charger"]
+    at_charger = docked.staging.pose().compose(Pose2(-1.5, 0.0, 0.0))
+    with own_config(tmp_path, hop=MISSION), staged("yard", start=Pose2(0.0, 0.0, 0.0)) as stage:
+        queue = stage.listen(topics.MISSION_QUEUE)
+        stage.command("START_MISSION", "hop")
+        stage.wait_faster(0.1, 20.0)
+        stage.world.sim.battery.charge = 0.25
+        stage.mission.wait(lambda message: message.current_waypoint == "home", "the way home", 20.0)
+        stage.wait_mission("COMPLETED", 120.0)
+        assert stage.at().distance_to(at_charger) < 0.02
+        assert edit(stage, _Request.ADD).success
+        assert not edit(stage, _Request.RELEASE).success
+
+        stage.world.sim.battery.charge = 0.95
+        stage.assert_wheels_rest(15.0)
+        assert queue.last.held_by != MissionQueue.NOTHING
+        assert edit(stage, _Request.RELEASE).success
+        stage.mission.wait(lambda message: message.state == "RUNNING", "the order", 30.0)
+        stage.wait_mission("COMPLETED", 60.0)
+        assert stage.at().distance_to(Pose2(0.8, 0.0, 0.0)) < 0.15
+        assert stage.docking.last.state == "IDLE"
