@@ -34,6 +34,16 @@ class Place(Config):
         return Pose2(self.x_m, self.y_m, self.yaw_rad)
 
 
+class StagingAlternative(Config):
+    """Another pose to begin docking at. From it the robot faces the board, and the approach still corrects the offset.
+
+    along_m: before the dock pose. across_m: to the left, as the board is seen from there.
+    """
+
+    along_m: Annotated[float, Field(ge=1.2, le=2.0)]
+    across_m: Annotated[float, Field(ge=-0.5, le=0.5)]
+
+
 class MarkerPlace(Config):
     """Centre of a marker in the dock frame, m. It faces the robot (-x), turned by yaw_rad about z."""
 
@@ -67,11 +77,17 @@ class Board(Config):
 class Dock(Board):
     """One dock for this robot.
 
-    staging: base_link in map where docking begins. dock_pose: base_link in the dock frame when docked.
+    staging: base_link in map where docking begins; staging_alternatives: after a failed try, in their order.
+    dock_pose: base_link in the dock frame when docked.
     """
 
     staging: Place
+    staging_alternatives: tuple[Place, ...] = ()
     dock_pose: Place
+
+    @property
+    def stagings(self) -> tuple[Place, ...]:
+        return (self.staging, *self.staging_alternatives)
 
 
 class DockPlace(Board):
@@ -82,6 +98,7 @@ class DockPlace(Board):
     """
 
     place: Place
+    staging_alternatives: tuple[StagingAlternative, ...] = ()
     latch_x_m: Annotated[float, Field(lt=0.0)] | None = None
     camera_x_m: Annotated[float, Field(lt=0.0)] | None = None
 
@@ -107,13 +124,21 @@ class DockPlace(Board):
             x, y = self.camera_x_m - ahead * camera[0], -ahead * camera[1]
         docked = Pose2(x, y, 0.0 if front else math.pi)
         staging = self.place.pose().compose(Pose2(docked.x - staging_m, docked.y, docked.yaw))
+        others = [self._facing_board(item, docked) for item in self.staging_alternatives]
         return Dock(
             kind=self.kind,
             camera=self.camera,
             markers=self.markers,
             staging=_place(staging),
+            staging_alternatives=tuple(_place(self.place.pose().compose(pose)) for pose in others),
             dock_pose=_place(docked),
         )
+
+    @staticmethod
+    def _facing_board(item: StagingAlternative, docked: Pose2) -> Pose2:
+        """base_link in the dock frame, turned so that the camera's side faces the middle of the board."""
+        x, y = docked.x - item.along_m, docked.y + item.across_m
+        return Pose2(x, y, docked.yaw + math.atan2(-y, -x))
 
 
 def _place(pose: Pose2) -> Place:

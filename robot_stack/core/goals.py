@@ -61,7 +61,8 @@ class NavigationGoals:
     """The newest goal of one client. Times are sums of the ticks' steps.
 
     retry_s: after which an ended goal may be sent again, and a cancellation repeated.
-    distance_m: along the plan to the goal, NaN before the first feedback. problem: why navigation aborted it.
+    distance_m: along the plan to the goal, NaN before the first feedback.
+    aborted: navigation gave up the goal, not for another one. problem: why navigation aborted it.
     recoveries: of the goal so far.
     """
 
@@ -73,13 +74,14 @@ class NavigationGoals:
         self._cancel_in_s = 0.0
         self.distance_m = math.nan
         self.recoveries = 0
+        self.aborted = False
         self.problem = ""
 
     def send(self, pose: Pose2) -> SendGoal:
         """A new goal, which preempts the one before."""
         self._number += 1
         self._open, self._again_in_s, self._cancel_in_s = True, math.inf, 0.0
-        self.distance_m, self.recoveries, self.problem = math.nan, 0, ""
+        self.distance_m, self.recoveries, self.aborted, self.problem = math.nan, 0, False, ""
         return SendGoal(self._number, pose)
 
     def on_event(self, event: NavigationEvent) -> None:
@@ -93,6 +95,7 @@ class NavigationGoals:
         self._open = False
         self._again_in_s = 0.0 if event.status is GoalStatus.UNKNOWN else self._retry_s
         if event.status is GoalStatus.ABORTED:
+            self.aborted = bool(event.code)
             self.problem = f"{event.reason} (error {event.code})" if event.code else event.reason
 
     def due_again(self, dt_s: float) -> bool:

@@ -85,6 +85,8 @@ class DockingController:
         self._dock: Dock | None = None
         self._undocking = False
         self._tries = 0
+        self._staging = 0  # index of the staging pose of this try
+        self._unreachable: set[int] = set()  # staging poses that navigation gave up in this job
         self._now_s = math.nan
         self._commanded = ZERO_TWIST
         self._distance_m = 0.0
@@ -139,6 +141,7 @@ class DockingController:
             return Result(DockCode.LATCH_FAILED, "the latch's inputs cannot be read")
         self._dock_id, self._dock = dock_id, dock
         self._undocking, self._tries, self._distance_m = False, 1, 0.0
+        self._staging, self._unreachable = 0, set()
         self._guard = Guard(self._params, undocking=False)
         self.tracker.look_for(dock, self.corrections.get(dock_id, Correction()))
         self._enter(Trigger.DOCK, self._drive_to_staging(dock, only=approach_only))
@@ -272,6 +275,10 @@ class DockingController:
             return None
         if step.failure is not None and step.trigger is not Trigger.LOST:
             return self._give_up(step.failure, view)
+        if isinstance(phase, BackToStaging) and self._staging:
+            assert self._dock is not None
+            self._phase = self._drive_to_staging(self._dock)  # from before the dock, where navigation finds a way
+            return None
         if step.trigger in (Trigger.STAGED_ONLY, Trigger.CLEAR):
             if step.trigger is Trigger.CLEAR:
                 self._keeper.released()
@@ -300,19 +307,30 @@ class DockingController:
         return Latching(self._dock, p.latch)
 
     def _drive_to_staging(self, dock: Dock, *, only: bool = False) -> DriveToStaging:
-        return DriveToStaging(dock.staging.pose(), self._goals, self._params.staging, only=only)
+        elsewhere = not only and len(dock.stagings) - len(self._unreachable) > 1
+        pose = dock.stagings[self._staging].pose()
+        return DriveToStaging(pose, self._goals, self._params.staging, only=only, elsewhere=elsewhere)
+
+    def _next_staging(self, dock: Dock) -> int:
+        """The next staging pose that navigation has not given up; after the last one the first again."""
+        count = len(dock.stagings)
+        following = ((self._staging + step) % count for step in range(1, count + 1))
+        return next(index for index in following if index not in self._unreachable)
 
     def _give_up(self, failure: Failure, view: View) -> Result | None:
         """The job, or only this try."""
-        if failure.final or self._undocking or self._tries >= self._params.tries:
+        if failure.elsewhere:
+            self._unreachable.add(self._staging)
+        elif failure.final or self._undocking or self._tries >= self._params.tries:
             self._enter(Trigger.GAVE_UP, self._resting_phase(failure.reason))
             return self._result(failure.code, failure.reason, view)
         assert self._dock is not None
         back = self.tracker.dock_pose_in_odom()
+        self._staging = self._next_staging(self._dock)
         phase: Phase = self._drive_to_staging(self._dock)
         if back is not None and self._state is not DockingState.APPROACH:
             phase = BackToStaging(back, self._params.staging, self._params.motion)
-        self._tries += 1
+        self._tries += 0 if failure.elsewhere else 1
         self.tracker.forget()
         self._enter(Trigger.TRY_FAILED, phase)
         self._text = f"try {self._tries}: {failure.reason}"

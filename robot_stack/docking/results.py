@@ -48,11 +48,12 @@ Code = DockCode | UndockCode
 
 @dataclass(frozen=True, slots=True)
 class Failure:
-    """The reason of a failed try. final: another try would not help."""
+    """The reason of a failed try. final: another try would not help. elsewhere: another staging pose is used first."""
 
     code: Code
     reason: str
     final: bool = False
+    elsewhere: bool = False
 
 
 @dataclass(frozen=True, slots=True)

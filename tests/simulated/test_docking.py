@@ -7,6 +7,7 @@ simulated cameras.
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,8 +17,10 @@ from custom_msgs.action import Dock
 from robot_stack.contract import actions, services, topics
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
+from sim.settings import pose_settings
 from tests.simulated.shared import shared
 from tests.simulated.stage import docked, staged, staged_before_chair
+from tests.support.environment import own_config
 
 CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
 START = Pose2(0.2, 0.3, math.radians(10.0))
@@ -97,6 +100,30 @@ def test_a_latch_that_does_not_confirm_is_given_up_with_a_reason() -> None:
         stage.wait_stands(3.0)
         stage.wait_docking("FAILED", 2.0)
         assert stage.passenger.last.data is False
+
+
+# Where the robot's rear right corner would be at the staging pose of chair_1.
+BOX = "boxes: [{name: box, x_m: -1.5, y_m: 11.35, length_m: 0.3, width_m: 0.3, height_m: 0.6}]"
+CHAIR = "    kind: wheelchair\n"
+OTHER_STAGING = "    staging_alternatives: [{along_m: 1.3, across_m: 0.4}]\n"
+
+
+def test_an_obstacle_at_the_staging_pose_leads_to_another_one(tmp_path: Path) -> None:
+    with own_config(tmp_path) as config:
+        docks, flat = config / "docks.yaml", config / "worlds" / "flat.yaml"
+        docks.write_text(docks.read_text().replace(CHAIR, CHAIR + OTHER_STAGING))
+        (config / "worlds" / "blocked.yaml").write_text(f"{flat.read_text()}{BOX}\n")
+        row = load_docks().docks["chair_1"]
+        staging = row.staging.pose()
+        chair = staging.compose(Pose2(1.5, 0.0, 0.0)).compose(row.dock_pose.pose().inverse())
+        at_chair = pose_settings("sim_world.wheelchair", chair)
+        start = staging.compose(Pose2(-1.2, 0.9, 0.0))
+        with staged("blocked", *at_chair, "docking_controller.tries=1", start=start) as stage:
+            goal = stage.begin_docking()
+            stage.docking.wait(lambda message: message.state == "SEARCH", "a staging pose", 120.0)
+            assert stage.at().distance_to(row.stagings[1].pose()) < 0.15
+            result = goal.wait(60.0)
+            assert (result.success, result.tries) == (True, 1), result.reason
 
 
 CHARGER = "charger"

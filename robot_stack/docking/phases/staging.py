@@ -14,12 +14,18 @@ from robot_stack.docking.states import Trigger
 
 
 class DriveToStaging:
-    """Navigation drives; this phase sends the goal and checks arrival by the pose in map."""
+    """Navigation drives; this phase sends the goal and checks arrival by the pose in map.
 
-    def __init__(self, staging: Pose2, goals: NavigationGoals, params: StagingParams, *, only: bool) -> None:
+    only: nothing follows at the staging pose. elsewhere: there is another one to drive to if navigation gives up.
+    """
+
+    def __init__(
+        self, staging: Pose2, goals: NavigationGoals, params: StagingParams, *, only: bool, elsewhere: bool
+    ) -> None:
         self._staging, self._goals = staging, goals
         self._params = params
         self._done = Trigger.STAGED_ONLY if only else Trigger.STAGED
+        self._elsewhere = elsewhere
         self._elapsed_s = 0.0
         self._lost_s = 0.0
         self._goal_due = True
@@ -37,6 +43,9 @@ class DriveToStaging:
             return _failed(Failure(DockCode.STAGING_FAILED, text))
         if pose is not None and self._arrived(pose) and _standing(view.situation.twist, self._params):
             return Step("at staging", trigger=self._done)
+        if self._elsewhere and not self._goal_due and self._goals.aborted:
+            text = f"no way to this staging pose; navigation: {self._goals.problem}"
+            return _failed(Failure(DockCode.STAGING_FAILED, text, elsewhere=True))
         if not self._goal_due:
             return Step("driving to staging")
         if not view.situation.navigation_served:

@@ -169,14 +169,14 @@ class Chaos:
 
     def run(self) -> Counts:
         next_recovery_s = self._rng.uniform(20.0, 40.0)
-        while not self._master.done or self._recovered_s is not None:
+        while not self._master.done or self._recovering:
             assert self._now_s < _LIMIT_S, f"order {self._master.number} is lost: {self._bench.kernel.record.order}"
             if self._now_s >= next_recovery_s:
                 self._recover()
                 next_recovery_s = self._now_s + self._rng.uniform(30.0, 60.0)
             self._step()
         self._recover()
-        while self._recovered_s is not None:
+        while self._recovering:
             self._step()
         self._check()
         self.counts.duration_s = self._now_s
@@ -264,6 +264,10 @@ class Chaos:
         self._dead_s = self._now_s + self._rng.uniform(TICK_S, _LONGEST_RESTART_S)
 
     # --- checks ------------------------------------------------------------------------------------------------------
+
+    @property
+    def _recovering(self) -> bool:
+        return self._recovered_s is not None
 
     def _recover(self) -> None:
         """No more faults for a while: from the connection on, the state must become right."""

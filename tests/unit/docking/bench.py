@@ -168,7 +168,7 @@ class Bench:
 
     def situation(self) -> Situation:
         f = self.faults
-        staging = self.dock.staging.pose()
+        staging = self.goals[-1].pose if self.goals else self.dock.staging.pose()
         located = staging if self.at_staging else staging.compose(Pose2(5.0, 0.0, 0.0))
         return Situation(
             now_s=self.now_s,

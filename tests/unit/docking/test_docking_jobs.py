@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from robot_stack.contract.states import DockingState
+from robot_stack.core.docks import Place
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.goals import GoalStatus, NavigationEnded
 from robot_stack.docking.controller import DockingController
@@ -589,6 +590,67 @@ def test_a_staging_pose_that_is_not_reached_ends_the_docking() -> None:
     assert result.code is DockCode.STAGING_FAILED
     assert result.tries == 3
     assert len(bench.goals) == 3
+
+
+def with_alternative(bench: Bench) -> Bench:
+    """The dock has another staging pose, 0.4 m beside the first."""
+    other = bench.dock.staging.pose().compose(Pose2(-0.3, 0.4, -0.2))
+    place = Place(x_m=other.x, y_m=other.y, yaw_rad=other.yaw)
+    bench.dock = bench.dock.model_copy(update={"staging_alternatives": (place,)})
+    return bench
+
+
+def gives_up(bench: Bench) -> None:
+    """Navigation, on the way to the newest goal."""
+    bench.end_goal(GoalStatus.ABORTED, 208, "no path")
+    bench.step()
+    bench.step()
+
+
+def test_another_staging_pose_is_used_if_navigation_gives_up_the_first() -> None:
+    bench = with_alternative(Bench())
+    bench.at_staging = False
+    began(bench).step()
+    gives_up(bench)
+    first, other = (place.pose() for place in bench.dock.stagings)
+    assert [goal.pose for goal in bench.goals] == [first, other]
+    gives_up(bench)
+    assert len(bench.goals) == 2, "the last one that is left is not given up at once"
+    bench.at_staging = True
+    result = bench.run_to_end()
+    assert (result.success, result.tries) == (True, 1)
+
+
+def test_the_next_try_begins_at_another_staging_pose() -> None:
+    bench = began(with_alternative(Bench()))
+    bench.faults.no_confirm = True
+    assert bench.run(lambda: bool(bench.goals))
+    assert bench.goals[-1].pose == bench.dock.stagings[1].pose()
+    assert bench.outputs[-1].tries == 2
+    assert bench.error.x == pytest.approx(-params().staging.distance_m, abs=0.02), "straight back first"
+    bench.faults.no_confirm = False
+    assert bench.run_to_end().success
+
+
+def test_a_next_try_without_a_way_to_another_staging_pose_begins_at_the_first() -> None:
+    bench = began(with_alternative(Bench()))
+    bench.faults.no_confirm = True
+    assert bench.run(lambda: bool(bench.goals))
+    bench.faults.no_confirm = bench.at_staging = False
+    gives_up(bench)
+    assert bench.goals[-1].pose == bench.dock.staging.pose()
+    bench.at_staging = True
+    result = bench.run_to_end()
+    assert (result.success, result.tries) == (True, 2)
+
+
+def test_approach_only_has_one_staging_pose() -> None:
+    bench = with_alternative(Bench())
+    bench.at_staging = False
+    assert bench.controller.dock(bench.name, bench.dock, approach_only=True) is None
+    bench.step()
+    gives_up(bench)
+    assert len(bench.goals) == 1
 
 
 @pytest.mark.parametrize("state", [DockingState.APPROACH, *SEEING, DockingState.DOCKED])
