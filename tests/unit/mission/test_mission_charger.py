@@ -118,6 +118,15 @@ def test_an_undocking_that_was_done_in_a_pause_is_not_repeated(story):
     assert (story.state, story.goal.x, len(story.calls())) == (State.RUNNING, 2.0, 1)
 
 
+def test_a_wheelchair_that_latches_at_the_start_is_not_undocked(story):
+    story.given(docking_state="DOCKED").happens(ev.Command(ev.START_MISSION, make_mission("park")))
+    assert story.state is State.UNDOCKING
+    story.attach().tick(10.0)
+    assert (story.state, story.calls()) == (State.PAUSED, [])
+    story.command(ev.RESUME)
+    assert (story.state, story.calls(), story.goal.x) == (State.RUNNING, [], 2.0)
+
+
 # --- the battery becomes critical ------------------------------------------------------------------------------------
 
 
