@@ -169,15 +169,14 @@ class Chaos:
 
     def run(self) -> Counts:
         next_recovery_s = self._rng.uniform(20.0, 40.0)
-        while not self._master.done or self._recovering:
+        while not self._master.done or self._recovered_s is not None:
             assert self._now_s < _LIMIT_S, f"order {self._master.number} is lost: {self._bench.kernel.record.order}"
             if self._now_s >= next_recovery_s:
                 self._recover()
                 next_recovery_s = self._now_s + self._rng.uniform(30.0, 60.0)
             self._step()
         self._recover()
-        while self._recovering:
-            self._step()
+        self._finish_recovery()
         self._check()
         self.counts.duration_s = self._now_s
         return self.counts
@@ -265,9 +264,9 @@ class Chaos:
 
     # --- checks ------------------------------------------------------------------------------------------------------
 
-    @property
-    def _recovering(self) -> bool:
-        return self._recovered_s is not None
+    def _finish_recovery(self) -> None:
+        while self._recovered_s is not None:
+            self._step()
 
     def _recover(self) -> None:
         """No more faults for a while: from the connection on, the state must become right."""
