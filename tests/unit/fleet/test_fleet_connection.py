@@ -17,13 +17,14 @@ from robot_stack.fleet.headers import ConnectionMessages
 from robot_stack.fleet.kernel import Outputs
 from robot_stack.fleet.link import Connected, Disconnected, Received
 from robot_stack.fleet.nodes.mqtt_link import MqttLink
+from robot_stack.fleet.version import Version
 from tests.support.fleet.broker import Peer, RunningBroker, running_broker
 from tests.support.fleet.network import Network
 from tests.support.waiting import wait_for
 from tests.unit.fleet.master import PARAMS, Bench, Data, node, node_ids, order, route, statuses
 from tests.unit.fleet.test_fleet_kills import first_part, second_part
 
-PREFIX = PARAMS.identity.prefix("2.1.0")
+PREFIX = PARAMS.identity.prefix(Version.V2)
 FAST: dict[str, Any] = {"first_back_off_s": 0.05, "longest_back_off_s": 0.2}
 
 
