@@ -100,8 +100,8 @@ def begin(record: Record, action: Action, robot: RobotView, vehicle: Vehicle) ->
                 raise _refused(action, "the pose is not set while an order is under way")
             pose = _init_pose(action, robot, vehicle)
             node = str(action.parameters["lastNodeId"])
-            done = _with(record, _finished(state)).model_copy(update={"last_node": node, "last_sequence_id": 0})
-            return replace(begun, record=done, pose=pose)
+            moved = begun.record.model_copy(update={"last_node": node, "last_sequence_id": 0})
+            return replace(begun, record=moved, pose=pose)
 
 
 def failed(record: Record, action: Action, why: str) -> Record:
@@ -123,8 +123,11 @@ def cancelled_by_robot(record: Record, reason: str) -> Record:
     return record.model_copy(update={"order": cancelling})
 
 
-def updated(record: Record, robot: RobotView, standing: bool) -> Record:
-    """With the actions finished whose effect is there, and failed whose effect is impossible by now."""
+def updated(record: Record, robot: RobotView, standing: bool, pose_given: bool | None) -> Record:
+    """With the actions finished whose effect is there, and failed whose effect is impossible by now.
+
+    pose_given: the pose of an initPosition was sent; None = it will be.
+    """
     order, paused_by = record.order, robot.queue.paused_by if robot.queue is not None else ""
     under_way = order is not None and order.under_way
     states = []
@@ -139,6 +142,10 @@ def updated(record: Record, robot: RobotView, standing: bool) -> Record:
                     state = _failed(state, "the order ended before")
                 case "stopPause" if paused_by != FLEET:
                     state = _finished(state)
+                case "initPosition" if pose_given:
+                    state = _finished(state)
+                case "initPosition" if pose_given is False:
+                    state = _failed(state, "the agent was restarted before it set the pose")
         states.append(state)
     return _replaced(record, tuple(states))
 

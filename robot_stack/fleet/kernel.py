@@ -57,6 +57,7 @@ class FleetKernel:
         self._number = 0
         self._sent: codec.Data = {}
         self._send_state = self._send_factsheet = False
+        self._pose_given = False
         self._reserve()
 
     @property
@@ -106,7 +107,8 @@ class FleetKernel:
             if left_bytes <= 0:
                 break
         self.record = progress.followed(self.record, robot)
-        self.record = instant.updated(self.record, robot, standing)
+        pose_given = self._pose_given if self._outputs.pose is None else None
+        self.record = instant.updated(self.record, robot, standing, pose_given)
         if self._vehicle.version is Version.V3:
             self._follow_mode(robot)
         self._ask(now_s)
@@ -116,6 +118,7 @@ class FleetKernel:
     def take(self) -> Outputs:
         """The outputs; call it once the record is on the disk."""
         outputs, self._outputs = self._outputs, Outputs()
+        self._pose_given |= outputs.pose is not None
         return outputs
 
     # --- messages ----------------------------------------------------------------------------------------------------

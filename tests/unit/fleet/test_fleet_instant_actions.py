@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from typing import Any
 
@@ -256,3 +257,16 @@ def test_a_malformed_message_begins_nothing(bench: Bench) -> None:
     )
     assert (error_types(bench.state), statuses(bench.state)) == (bench.named(ErrorType.VALIDATION), {})
     assert error_types(bench.instant(action("stateRequest"))) == []
+
+
+def test_a_pose_is_not_reported_as_set_if_the_agent_dies_before() -> None:
+    bench = Bench()
+    position = action("initPosition", x=1.0, y=0.0, theta=0.0, mapId="yard", lastNodeId="n")
+    bench.kernel.receive(Topic.INSTANT_ACTIONS, json.dumps(HEADER | {"actions": [position]}).encode())
+    bench.compute()
+    bench.save()
+    bench.restart()
+    bench.kernel.connected()
+    assert (statuses(bench.tick()), bench.poses) == ({"initPosition": "FAILED"}, [])
+    again = bench.instant(position | {"actionId": "again"})
+    assert (statuses(again)["again"], bench.poses) == ("FINISHED", [Pose2(1.0, 0.0, 0.0)])
