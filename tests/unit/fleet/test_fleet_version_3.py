@@ -181,6 +181,9 @@ def test_the_same_update_with_another_content_is_refused(bench: Bench, restarts:
     assert error_types(bench.order(data | {"headerId": 2, "timestamp": "2026-05-01T09:31:00.00Z"})) == []
     assert levels(bench.order(order(route("a", "b", "d", horizon=1)))) == {"SAME_ORDER_UPDATE_ID": "WARNING"}
     assert node_ids(bench.state) == ["b", "c"]
+    update = order(route("b", "c", first=2, x=2.0), update=1)
+    assert error_types(bench.order(update)) == []
+    assert error_types(bench.order(update)) == []
 
 
 def test_the_first_node_is_traversed_also_with_actions(bench: Bench) -> None:
@@ -222,7 +225,8 @@ def test_without_a_deviation_the_robot_comes_as_close_as_it_can(bench: Bench, po
         (1.9, 0.0, ellipse(2.0, 0.1), True),
         (0.0, 1.9, ellipse(2.0, 0.1), False),
         (0.0, 1.9, ellipse(2.0, 0.1, 1.5707), True),
-        (1.9, 0.0, ellipse(2.0, 0.0), True),
+        (1.9, 0.01, ellipse(2.0, 0.0), True),
+        (1.9, 0.10, ellipse(2.0, 0.0), False),
         (1.4, 1.4, ellipse(2.0, 0.1, 0.785), True),
         (1.4, -1.4, ellipse(2.0, 0.1, 0.785), False),
     ],
