@@ -142,9 +142,9 @@ def updated(record: Record, robot: RobotView, standing: bool, pose_given: bool |
                     state = _failed(state, "the order ended before")
                 case "stopPause" if paused_by != FLEET:
                     state = _finished(state)
-                case "initPosition" if pose_given:
+                case "initPosition" | "initializePosition" if pose_given:
                     state = _finished(state)
-                case "initPosition" if pose_given is False:
+                case "initPosition" | "initializePosition" if pose_given is False:
                     state = _failed(state, "the agent was restarted before it set the pose")
         states.append(state)
     return _replaced(record, tuple(states))
