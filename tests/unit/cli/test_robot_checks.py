@@ -180,7 +180,7 @@ def test_the_nodes_use_one_map_that_is_there(config: Path) -> None:
 
 def test_docks_are_named(config: Path) -> None:
     (finding,) = robot_checks.docks()
-    assert (finding.level, finding.what) == (Level.OK, "chair_1 (wheelchair), charger (station)")
+    assert (finding.level, finding.what) == (Level.OK, "chair_1 (wheelchair), charger (charger)")
     (config / "docks.yaml").write_text("docks: 5\n")
     assert levels(list(robot_checks.docks()), "docks") == [Level.BAD]
 
