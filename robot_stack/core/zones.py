@@ -9,6 +9,7 @@ Zones are rules of the site, not obstacles: localization, the costmap and the sa
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 from itertools import pairwise
@@ -19,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from robot_stack.core.compiled import compiled
 from robot_stack.core.config import Config, ConfigError
 from robot_stack.core.mission import Coordinate, Name
 from robot_stack.core.site_map import Grid, map_folder
@@ -90,14 +92,11 @@ class Zone:
 
     def contains(self, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
         """Mask of the points inside; even-odd rule. x, y: same shape, m, map."""
-        inside = np.zeros(np.shape(x), np.bool_)
+        inside = np.zeros(np.size(x), np.bool_)
+        flat_x, flat_y = np.array(x, np.float64).ravel(), np.array(y, np.float64).ravel()
         for ring in self.rings:
-            for (ax, ay), (bx, by) in pairwise(ring):
-                if ay == by:
-                    continue
-                crosses = (y >= min(ay, by)) & (y < max(ay, by)) & (x < ax + (y - ay) * (bx - ax) / (by - ay))
-                inside ^= crosses
-        return inside
+            _cross(ring, flat_x, flat_y, inside)
+        return inside.reshape(np.shape(x))
 
     def cells(self, grid: Grid) -> npt.NDArray[np.bool_]:
         """(rows, columns) cells of the grid whose middle is inside."""
@@ -105,6 +104,31 @@ class Zone:
         x = grid.origin_x_m + (np.arange(columns) + 0.5) * grid.resolution_m
         y = grid.origin_y_m + (np.arange(rows) + 0.5) * grid.resolution_m
         return self.contains(*np.meshgrid(x, y))
+
+    def touched(self, grid: Grid) -> npt.NDArray[np.bool_]:
+        """``cells``, and those that an outline passes: a zone may be narrower than a cell."""
+        inside = self.cells(grid)
+        rows, columns = inside.shape
+        for a, b in (edge for ring in self.rings for edge in pairwise(ring)):
+            count = math.ceil(2.0 * math.dist(a, b) / grid.resolution_m) + 1
+            at = (np.linspace(a, b, count) - (grid.origin_x_m, grid.origin_y_m)) / grid.resolution_m
+            column, row = np.floor(at).astype(np.int64).T
+            on = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
+            inside[row[on], column[on]] = True
+        return inside
+
+
+@compiled
+def _cross(ring: Any, x: Any, y: Any, inside: Any) -> None:
+    """Inverts ``inside`` at each of the (n,) points for every edge of the ring on its right."""
+    for k in range(len(ring) - 1):
+        ax, ay, bx, by = ring[k, 0], ring[k, 1], ring[k + 1, 0], ring[k + 1, 1]
+        if ay == by:
+            continue
+        low, high, slope = min(ay, by), max(ay, by), (bx - ax) / (by - ay)
+        for i in range(len(x)):
+            if low <= y[i] < high and x[i] < ax + (y[i] - ay) * slope:
+                inside[i] = not inside[i]
 
 
 def load_zones(map_name: str) -> tuple[Zone, ...]:

@@ -343,8 +343,10 @@ class NavigationController:
     # --- among obstacles ---------------------------------------------------------------------------------------------
 
     def _look_ahead(self, located: Located) -> None:
-        """On each new costmap, checks that the exact motion is still clear and updates its speed limit."""
-        if self._trajectory is None or self._looked == self.around.costmaps:
+        """On each new costmap, checks that the exact motion is still clear and updates its speed limit.
+
+        Without a costmap on each tick: the motion comes to narrow places and zones of the map."""
+        if self._trajectory is None or (self.around.seeing and self._looked == self.around.costmaps):
             return
         self._looked = self.around.costmaps
         if not self._is_direct(self._trajectory, self._elapsed_s, entering=False):

@@ -29,6 +29,7 @@ from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.rollout_controller import RolloutController
 from robot_stack.navigation.routes import RoutePlanner
 from robot_stack.navigation.speed_limits import speed_limits
+from robot_stack.navigation.tracker import bounded
 from robot_stack.navigation.velocity_smoother import VelocitySmoother
 from robot_stack.navigation.world_model import WorldModel
 from robot_stack.navigation.yielding import nearest_m, way_out
@@ -166,6 +167,7 @@ class RouteFollower:
         table = _table(people, now_s, p.people)
         aside = self._give_way(located, footprint, now_s, dt_s)
         if aside is not None:
+            aside = self._in_zones(aside, located, limits)
             return Step(self._smoother.towards(aside, start, limits, dt_s), _ASIDE)
         pose = located.pose.relative_to(around.map_to_odom)
         exact = self._exact(route, located, footprint, float(cap.speed_mps[:3].min()), limits)
@@ -178,6 +180,7 @@ class RouteFollower:
                 pose, start, np.column_stack((at, metres, cap.speed_mps)), limits, footprint, local, table
             )
             requested, urgent = choice.twist, choice.urgent
+        requested = self._in_zones(requested, located, limits)
         twist = self._smoother.towards(requested, start, planning.braking if urgent else limits, dt_s)
         slow = twist.speed() < p.follow.stuck_mps and abs(twist.omega) < 2.0 * p.follow.stuck_mps
         self._stuck_s = self._stuck_s + dt_s if slow else 0.0
@@ -206,6 +209,11 @@ class RouteFollower:
             self._ask_again(located, footprint)
             return None
         return follower.command(located.pose, ahead, clear_m, speed_mps, limits)
+
+    def _in_zones(self, twist: Twist2, located: Located, limits: MotionLimits) -> Twist2:
+        deceleration_mps2 = self._params.speed_limits.braking_share * limits.acceleration_mps2
+        speed_mps = self._around.zone_limit_mps(located, self._smoother.twist, deceleration_mps2)
+        return bounded(twist, speed_mps, math.inf)
 
     def _local(self) -> LocalMap:
         return self._around.local if self._around.seeing and self._around.local is not None else _NOWHERE
@@ -312,6 +320,7 @@ class RouteFollower:
         self._stuck_s += dt_s
         aside = self._give_way(located, footprint, now_s, dt_s, no_way=True)
         if aside is not None:
+            aside = self._in_zones(aside, located, limits.cruise)
             return Step(self._smoother.towards(aside, self._smoother.twist, limits.cruise, dt_s), _ASIDE)
         self._without_way_s += dt_s
         text = f"the only path is blocked{self._where()}"

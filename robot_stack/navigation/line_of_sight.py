@@ -72,9 +72,10 @@ def allowed_speed(
     clear = np.array([around.clearance_m(footprint, poses).min()])
     narrow = float(narrow_speed(clear, cruise_mps, params.speed_limits)[0])
     speed = min(narrow, float(around.zone_speed_mps(poses).min()))
-    return (
-        math.inf if speed >= cruise_mps else max(_SPEED_STEP_MPS, _SPEED_STEP_MPS * math.floor(speed / _SPEED_STEP_MPS))
-    )
+    if speed >= cruise_mps:
+        return math.inf
+    # 0.3 is 2.999 steps.
+    return max(_SPEED_STEP_MPS, _SPEED_STEP_MPS * math.floor(speed / _SPEED_STEP_MPS + 1e-6))
 
 
 def sampled(trajectory: Trajectory, from_s: float, to_s: float) -> Array:

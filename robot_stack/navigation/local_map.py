@@ -71,9 +71,19 @@ def costmap_problem(resolution_m: float, origin: Pose2, size: tuple[int, int], c
 
 
 def local_map(
-    stamp_s: float, resolution_m: float, origin: Pose2, cells: npt.NDArray[np.int8], moving: npt.NDArray[np.bool_]
+    stamp_s: float,
+    resolution_m: float,
+    origin: Pose2,
+    cells: npt.NDArray[np.int8],
+    moving: npt.NDArray[np.bool_],
+    closed: npt.NDArray[np.bool_] | None = None,
 ) -> LocalMap:
-    """moving: (rows, columns) lethal cells of pedestrians, whose predicted positions are avoided instead."""
+    """moving: (rows, columns) lethal cells of pedestrians, whose predicted positions are avoided instead.
+
+    closed: (rows, columns) cells of keepout zones, avoided like static obstacles.
+    """
     still = (cells >= LETHAL) & ~moving
+    if closed is not None:
+        still |= closed
     field = clearance_field(still, resolution_m, _FAR_M)
     return LocalMap(stamp_s, resolution_m, origin.x, origin.y, cells, field)

@@ -9,6 +9,7 @@ from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from robot_stack.core.robot import load_robot
 from robot_stack.core.site_map import Grid
+from robot_stack.core.zones import Zone, ZoneType
 from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.controller import NavigationController, Situation
 from robot_stack.navigation.goal import GoalRequest
@@ -36,6 +37,7 @@ def warm_up() -> None:
         "map",
         Departure(load(DepartureParams, "departure"), announced=True),
         Grid(0.1, 0.0, 0.0, occupancy),
+        zones=(Zone("ward", ZoneType.SPEED, (np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 0.0)]),), 1.0),),
     )
     start = Pose2(2.0, 5.0, 0.0)
     located = Located(start, ZERO_TWIST)

@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
-from robot_stack.core.geometry import IDENTITY, Pose2
+from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
 from robot_stack.core.robot import Footprint
-from robot_stack.core.site_map import OCCUPIED, Grid
+from robot_stack.core.site_map import FREE, OCCUPIED, Grid
 from robot_stack.core.zones import Zone, ZoneType
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.global_planner import goal_problem
@@ -20,6 +20,7 @@ from robot_stack.navigation.local_map import LETHAL, LocalMap, costmap_problem, 
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.people import PeopleTracker, Person
 from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid
+from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.routes import RouteRequest
 
 Array = npt.NDArray[np.float64]
@@ -28,12 +29,15 @@ _SAME_M = 0.30
 _MOST_REMEMBERED = 20_000
 # Points around a standing person.
 _AROUND = 24
+_ZONE_STEP_M = 0.1
+# Until the deceleration has built up, and the drive follows.
+_ZONE_LEAD_S = 0.4
 
 
 class WorldModel:
     """grid: of the site map, None without one. zones: of the site. Poses are in map unless noted as odom.
 
-    ``grid`` has keepout zones as obstacles. What the costmap sees in them is not explained by the map.
+    ``grid`` and ``local`` have keepout zones as obstacles. What the costmap sees in them is not explained by the map.
     """
 
     def __init__(self, params: NavigationParams, grid: Grid | None, zones: tuple[Zone, ...] = ()) -> None:
@@ -41,9 +45,11 @@ class WorldModel:
         self._mapped = self.grid = None if grid is None else PlanningGrid(grid)
         self._zones = zones
         closed = [zone for zone in zones if zone.type is ZoneType.KEEPOUT]
+        self._closed: Grid | None = None  # occupied in keepout zones only
         if grid is not None and closed:
-            occupied = np.any([zone.cells(grid) for zone in closed], axis=0)
+            occupied = np.any([zone.touched(grid) for zone in closed], axis=0)
             self.grid = PlanningGrid(replace(grid, occupancy=np.where(occupied, np.int8(OCCUPIED), grid.occupancy)))
+            self._closed = replace(grid, occupancy=np.where(occupied, np.int8(OCCUPIED), np.int8(FREE)))
         self.local: LocalMap | None = None
         self.costmaps = 0
         self.map_to_odom: Pose2 = IDENTITY
@@ -97,7 +103,9 @@ class WorldModel:
         lethal = cells >= LETHAL
         known = self._explained(lethal, resolution_m, origin)
         walking = self._tracker.update(stamp_s, lethal, known, resolution_m, origin.x, origin.y)
-        self.local = local_map(stamp_s, resolution_m, origin, cells, walking)
+        self.local = local_map(
+            stamp_s, resolution_m, origin, cells, walking, self._closed_cells(cells.shape, resolution_m, origin)
+        )
         self._received_s = received_s
         self.costmaps += 1
         self._remember(stamp_s)
@@ -140,6 +148,23 @@ class WorldModel:
                 inside = zone.contains(poses[:, 0], poses[:, 1])
                 speeds = np.where(inside, np.minimum(speeds, zone.speed_mps), speeds)
         return speeds
+
+    def zone_limit_mps(self, located: Located, twist: Twist2, deceleration_mps2: float) -> float:
+        """Speed that the zones at the robot allow, and those ahead in its motion, to be entered at their own speed.
+
+        twist: commanded, base_link. A robot beside its route may be in a zone that the route does not cross.
+        """
+        speed_mps = twist.speed()
+        if not self._zones:
+            return math.inf
+        lead_m = _ZONE_LEAD_S * speed_mps
+        end_m = lead_m + 0.5 * speed_mps**2 / deceleration_mps2 + 2.0 * _ZONE_STEP_M
+        along_m = np.arange(0.0, end_m, _ZONE_STEP_M)
+        course = located.pose.yaw + math.atan2(twist.vy, twist.vx)
+        x, y = located.pose.x + along_m * math.cos(course), located.pose.y + along_m * math.sin(course)
+        limits = self.zone_speed_mps(np.column_stack((x, y, np.zeros(len(x)))))
+        braking_m = np.maximum(along_m - lead_m, 0.0)
+        return float(np.sqrt(limits**2 + 2.0 * deceleration_mps2 * braking_m).min())
 
     # --- planning ----------------------------------------------------------------------------------------------------
 
@@ -189,6 +214,24 @@ class WorldModel:
         known[rows, columns] = self._near_map(self._to_map(points))
         return known
 
+    def _closed_cells(self, shape: tuple[int, ...], resolution_m: float, origin: Pose2) -> npt.NDArray[np.bool_] | None:
+        """Mask of a costmap's cells in keepout zones, which it does not see; None without zones."""
+        if self._closed is None:
+            return None
+        columns_rows = np.indices(shape)[::-1].reshape(2, -1).T
+        points: Array = np.array((origin.x, origin.y)) + (columns_rows + 0.5) * resolution_m
+        return self._in_closed(self._to_map(points)).reshape(shape)
+
+    def _in_closed(self, points: Array) -> npt.NDArray[np.bool_]:
+        """(n,) True for points (n, 2), map, in a keepout zone."""
+        inside = np.zeros(len(points), np.bool_)
+        if self._closed is not None:
+            cells, at = self._closed.occupancy, points - (self._closed.origin_x_m, self._closed.origin_y_m)
+            column, row = np.floor(at / self._closed.resolution_m).astype(np.int64).T
+            on = (row >= 0) & (row < cells.shape[0]) & (column >= 0) & (column < cells.shape[1])
+            inside[on] = cells[row[on], column[on]] == OCCUPIED
+        return inside
+
     def _near_map(self, points: Array) -> npt.NDArray[np.bool_]:
         """(n,) True for points (n, 2), map, at an obstacle of the map."""
         assert self._mapped is not None
@@ -209,6 +252,7 @@ class WorldModel:
             keep = ~self.local.covers(at[:, 0], at[:, 1]) & (age_s >= 0.0) & (age_s <= self._params.planner.memory_s)
             self._remembered, self._remembered_s = self._remembered[keep], self._remembered_s[keep]
         seen = self._to_map(self.local.points())
+        seen = seen[~self._in_closed(seen)]  # not seen, and the route's grid has them
         if self._mapped is not None and len(seen):
             seen = seen[
                 self._mapped.clearance_m(np.zeros((1, 2)), np.column_stack((seen, np.zeros(len(seen)))), known=True)

@@ -52,6 +52,14 @@ def test_the_cells_of_a_zone() -> None:
     ]
 
 
+def test_a_zone_narrower_than_a_cell_touches_the_cells_that_its_outline_passes() -> None:
+    chain = np.array([[-2.0, 0.6], [1.4, 0.6], [1.4, 0.7], [-2.0, 0.7], [-2.0, 0.6]])
+    zone = Zone("chain", ZoneType.KEEPOUT, (chain,), np.inf)
+    grid = Grid(0.5, -0.5, 0.0, np.full((3, 5), FREE, np.int8))
+    assert not zone.cells(grid).any()
+    assert zone.touched(grid).astype(int).tolist() == [[0, 0, 0, 0, 0], [1, 1, 1, 1, 0], [0, 0, 0, 0, 0]]
+
+
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [

@@ -6,11 +6,16 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from robot_stack.core.geometry import Pose2
+from robot_stack.core.config import load
+from robot_stack.core.departure import Departure, DepartureParams
+from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
 from robot_stack.core.zones import Zone, ZoneType
+from robot_stack.navigation.controller import NavigationController, Situation
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.goal import GoalCode
+from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.states import NavigationState
+from tests.unit.navigation.plant import ROBOT, Drive, params, request
 from tests.unit.navigation.test_among_obstacles import Painter, Story, box, corridor, nothing, reached
 
 Array = npt.NDArray[np.float64]
@@ -94,3 +99,86 @@ def test_the_slower_of_two_zones_counts() -> None:
     story = Story(nothing, corridor(), zones=zones)
     poses = np.array([(6.0, 5.0, 0.0), (9.5, 5.0, 0.0)])
     assert story.controller.around.zone_speed_mps(poses).tolist() == [0.4, np.inf]
+
+
+def walker(x_m: float, y_m: float, speed_mps: float) -> Painter:
+    return lambda now_s, x, y: np.hypot(x - x_m - speed_mps * (now_s - 10.0), y - y_m) < 0.25
+
+
+def inside_keepout(seen: Painter, zones: tuple[Zone, ...], *, chair: bool, seconds: float) -> int:
+    story = Story(seen, corridor(), chair=chair, zones=zones)
+    story.go(Pose2(13.0, 5.0, 0.0))
+    for _ in range(round(seconds / 0.05)):
+        story.tick()
+    assert max(pose.x for pose in story.poses) > 4.0
+    edge = outlines(story)
+    return sum(int(closed.contains(edge[:, 0], edge[:, 1]).sum()) for closed in zones)
+
+
+@pytest.mark.parametrize(("chair", "seen"), [(False, box(7.2, 7.8, 4.0, 4.6)), (True, walker(13.0, 5.0, -0.7))])
+def test_the_robot_avoids_what_it_sees_without_entering_a_keepout_zone(chair: bool, seen: Painter) -> None:
+    """The costmap does not see the zones, so that a way around would lead through them."""
+    lane = (zone(ZoneType.KEEPOUT, 4.0, 12.0, 5.9, 9.0), zone(ZoneType.KEEPOUT, 4.0, 12.0, 1.0, 4.1))
+    assert inside_keepout(seen, lane, chair=chair, seconds=25.0) == 0
+
+
+def test_a_keepout_zone_leaves_no_memory_of_obstacles() -> None:
+    story = Story(nothing, corridor(), zones=(zone(ZoneType.KEEPOUT, 4.0, 12.0, 5.9, 9.0),))
+    story.look()
+    assert len(story.controller.around.question(story.drive.pose, story.drive.pose, story.footprint).seen) == 0
+
+
+def appearing(now_s: float, x: Array, y: Array) -> npt.NDArray[np.bool_]:
+    return box(7.2, 7.8, 4.0, 5.2)(now_s, x, y) & (now_s > 12.5)
+
+
+@pytest.mark.parametrize("seen", [appearing, walker(13.0, 5.0, -0.7)])
+def test_a_robot_beside_its_route_keeps_to_a_zone_there(seen: Painter) -> None:
+    """An obstacle, or a person to make room for, moves it into a zone that its route had passed by."""
+    ward = zone(ZoneType.SPEED, 5.0, 11.0, 5.3, 10.0, 0.15)
+    story = Story(seen, corridor(), zones=(ward,))
+    story.go(Pose2(13.0, 5.0, 0.0))
+    for _ in range(round(11.0 / 0.05)):
+        story.tick()
+    x, y = (np.array([getattr(pose, axis) for pose in story.poses]) for axis in "xy")
+    speeds = np.array([output.twist.speed() for output in story.outputs])[ward.contains(x, y)]
+    assert len(speeds) > 10
+    assert speeds.max() < 0.2
+
+
+def test_zones_limit_the_motion_and_what_lies_ahead_of_it() -> None:
+    ward = zone(ZoneType.SPEED, 7.0, 10.0, 0.0, 10.0, 0.4)
+    around = Story(nothing, corridor(), zones=(ward,)).controller.around
+    fast, slow = Twist2(1.2, 0.0, 0.0), Twist2(0.2, 0.0, 0.0)
+    assert around.zone_limit_mps(Located(Pose2(8.0, 5.0, 0.0), fast, IDENTITY), fast, 0.5) == pytest.approx(0.4)
+    ahead = around.zone_limit_mps(Located(Pose2(6.0, 5.0, 0.0), fast, IDENTITY), fast, 0.5)
+    assert 0.4 < ahead < 1.2
+    assert around.zone_limit_mps(Located(Pose2(6.0, 5.0, 0.0), slow, IDENTITY), slow, 0.5) == np.inf
+    back = Located(Pose2(6.0, 5.0, np.pi), fast, IDENTITY)
+    assert around.zone_limit_mps(back, fast, 0.5) == np.inf
+    assert Story(nothing, corridor()).controller.around.zone_limit_mps(back, fast, 0.5) == np.inf
+
+
+def test_the_speed_of_a_zone_is_used_in_full() -> None:
+    ward = zone(ZoneType.SPEED, 5.0, 10.0, 0.0, 10.0, 0.3)
+    story = Story(nothing, corridor(), zones=(ward,))
+    story.go(Pose2(14.0, 5.0, 0.0))
+    story.until(lambda _: story.drive.pose.x > 7.0)
+    assert story.outputs[-1].twist.speed() == pytest.approx(0.95 * 0.3, abs=0.01)
+
+
+def test_zones_are_kept_without_a_costmap() -> None:
+    ward = zone(ZoneType.SPEED, 7.0, 10.0, 0.0, 10.0, 0.4)
+    departure = Departure(load(DepartureParams, "departure"), announced=True)
+    controller = NavigationController(params(use_costmap=False), ROBOT, "map", departure, corridor(), zones=(ward,))
+    drive, now_s, inside = Drive(ROBOT.motion(False), pose=Pose2(2.0, 5.0, 0.0)), 10.0, []
+    controller.request(request(Pose2(14.0, 5.0, 0.0)), now_s, Located(drive.pose, drive.twist, IDENTITY))
+    while drive.pose.x < 10.5 and now_s < 60.0:
+        output = controller.tick(Situation(now_s, Located(drive.pose, drive.twist, IDENTITY)))
+        for _ in range(5):
+            drive.step(output.twist)
+            now_s += 0.01
+        if 7.0 <= drive.pose.x <= 10.0:
+            inside.append(output.twist.speed())
+    assert drive.pose.x >= 10.5
+    assert max(inside) <= 0.4 + 0.02
