@@ -632,10 +632,10 @@ class MissionKernel:
             self._hold.hold(HeldBy.PASSENGER)
         current = self._record.queue.current
         ordered = current is not None and current.origin is Origin.FLEET
-        starts = self._awaits_part or (self._record.state is State.RUNNING and self._leg.goal_due)
+        stands = self._record.state is State.WAITING or (self._record.state is State.RUNNING and self._leg.goal_due)
         # A wheelchair that latches just then must not be undocked as if the robot were at a charger.
         leaves = self._record.leaving and self._record.state is State.UNDOCKING
-        if attached and (leaves or (ordered and starts)):
+        if attached and (leaves or (ordered and stands)):
             return self._stand(Trigger.PAUSE, "a passenger came aboard before the start; RESUME goes on")
         return (self._save(),)
 

@@ -456,6 +456,16 @@ def test_a_passenger_who_comes_aboard_in_the_wait_is_driven_by_a_person_only(sto
     assert story.command(ev.RESUME).state is State.RUNNING
 
 
+def test_a_passenger_who_comes_aboard_in_a_waiting_time_is_driven_by_a_person_only(story):
+    story.brings({"wait": 5.0}, "park", more_follows=False).reach(2.0).tick(1.0)
+    assert (story.state, current(story)) == (State.WAITING, "a")
+    story.happens(ev.PassengerChanged(True)).tick(10.0)
+    assert (story.state, "a passenger came aboard" in story.status.reason) == (State.PAUSED, True)
+    story.asks(Operation.RESUME).tick(10.0)
+    assert (story.state, story.goal) == (State.PAUSED, None)
+    assert story.command(ev.RESUME).state is State.RUNNING
+
+
 # --- the journal -----------------------------------------------------------------------------------------------------
 
 
