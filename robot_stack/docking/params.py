@@ -127,6 +127,7 @@ class LatchParams(Config):
 
     confirm_timeout_s: Positive
     charge_timeout_s: Positive
+    charge_s: NotNegative
     learn_after_s: NotNegative
     learn_s: NotNegative
     learn_sightings: Annotated[int, Field(ge=1)]

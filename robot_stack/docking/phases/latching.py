@@ -15,14 +15,15 @@ from robot_stack.docking.states import Trigger
 class Latching:
     """Closes the latch; without a confirmation opens it again, so that a retry does not push hooks into the dock.
 
-    A station has no latch: reaching the dock pose is enough; of a charger the battery confirms the contact.
+    A station has no latch: reaching the dock pose is enough; of a charger the battery confirms the contact, for
+    ``charge_s`` on end: a braking drive charges the battery for a moment, and so does a contact that touches at times.
     ``closed`` is True once the dock is held.
     """
 
     def __init__(self, dock: Dock, params: LatchParams) -> None:
         self._params = params
         self._kind = dock.kind
-        self._elapsed_s = 0.0
+        self._elapsed_s = self._charged_s = 0.0
         self._closing: LatchMotion | None = None
         self._opening: LatchMotion | None = None
         self._failure: Failure | None = None
@@ -34,7 +35,7 @@ class Latching:
         return self._opening is not None
 
     def tick(self, view: View) -> Step:
-        if self._kind == "charger" and not view.situation.charging:
+        if self._kind == "charger" and self._charged_s < self._params.charge_s:
             return self._wait_for_charge(view)
         if self._kind != "wheelchair":
             self.closed = True
@@ -54,7 +55,8 @@ class Latching:
 
     def _wait_for_charge(self, view: View) -> Step:
         self._elapsed_s += view.dt_s
-        if self._elapsed_s <= self._params.charge_timeout_s:
+        self._charged_s = self._charged_s + view.dt_s if view.situation.charging else 0.0
+        if view.situation.charging or self._elapsed_s <= self._params.charge_timeout_s:
             return Step("docked; waiting for the charge", ZERO_TWIST)
         reason = f"the battery is not charged within {self._params.charge_timeout_s:g} s"
         return Step(reason, ZERO_TWIST, Trigger.TRY_FAILED, Failure(DockCode.NOT_CHARGING, reason))

@@ -72,6 +72,7 @@ class Faults:
     located: bool = True
     no_navigation: bool = False
     no_charge: bool = False  # the charging contacts give no power
+    charge_for_s: float = math.inf  # of every 3 s in which they touch
 
 
 @dataclass
@@ -180,7 +181,9 @@ class Bench:
             latch=LatchInputs() if f.latch_dead else self.inputs(),
             force_n=f.force_n,
             navigation_served=not f.no_navigation,
-            charging=not f.no_charge and math.hypot(self.error.x, self.error.y) < 0.02,
+            charging=not f.no_charge
+            and self.now_s % 3.0 < f.charge_for_s
+            and math.hypot(self.error.x, self.error.y) < 0.02,
         )
 
     def inputs(self) -> LatchInputs:

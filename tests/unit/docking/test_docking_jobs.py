@@ -208,6 +208,14 @@ def test_a_charger_that_does_not_charge_is_left_and_tried_again() -> None:
     assert result.tries == 2
 
 
+def test_a_charge_in_bursts_is_no_contact() -> None:
+    bench = Bench("charger", start=Pose2(1.5, 0.0, 0.0))
+    bench.faults.charge_for_s = 1.5
+    began(bench)
+    result = bench.run_to_end()
+    assert (result.code, result.tries) == (DockCode.NOT_CHARGING, params().tries)
+
+
 def test_a_charger_that_never_charges_is_a_failure_with_its_own_code() -> None:
     bench = Bench("charger", start=Pose2(1.5, 0.0, 0.0))
     bench.faults.no_charge = True
