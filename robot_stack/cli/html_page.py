@@ -63,7 +63,10 @@ def _cell(text: str) -> str:
 
 
 def seconds(time_s: float) -> str:
-    return f"{time_s:.1f} s" if time_s < 60.0 else f"{int(time_s // 60.0)} min {time_s % 60.0:.0f} s"
+    if round(time_s, 1) < 60.0:
+        return f"{time_s:.1f} s"
+    minutes, rest = divmod(round(time_s), 60)
+    return f"{minutes} min {rest} s"
 
 
 def millimetres(error_m: float, error_deg: float | None = None) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from datetime import date, datetime, timedelta
+from datetime import MAXYEAR, date, datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from robot_stack.core.rides import RideRecord
 
 _STEP_S = 0.2
+_FIRST_YEAR = 1970
 _COLUMNS: list[tuple[str, Literal["left", "right"]]] = [
     ("begin", "left"),
     ("mission", "left"),
@@ -70,9 +71,10 @@ def _day(what: str) -> date | None:
     if what in named:
         return named[what]
     try:
-        return date.fromisoformat(what)
+        day = date.fromisoformat(what)
     except ValueError:
         return None
+    return day if _FIRST_YEAR <= day.year < MAXYEAR else None
 
 
 def _of_day(day: date) -> tuple[list[RideRecord], list[EventRecord]]:

@@ -55,7 +55,7 @@ class RidePoint(Config):
 class RideRecord(Config):
     """One mission from its start to its end.
 
-    id: date and time (UTC) of the begin. began_s: s since the epoch. duration_s: on the ROS clock.
+    id: date and time (UTC, ms) of the begin. began_s: s since the epoch. duration_s: on the ROS clock.
     state: as in /mission/status; RUNNING, WAITING or PAUSED if the record ended before the mission did.
     distance_m: by odometry. carried_m: of it with a wheelchair. battery: [0, 1] at begin and end, None unknown.
     """

@@ -59,7 +59,9 @@ class RideMessages:
                 "docking_error_m": docking.position_error,
                 "docking_error_rad": docking.orientation_error,
             }
-        return Observation(time.strftime("%Y%m%d-%H%M%S", time.gmtime(at_s)), at_s, time_s, **known)
+        # Two rides may begin within a second.
+        begin = f"{time.strftime('%Y%m%d-%H%M%S', time.gmtime(at_s))}-{int(1e3 * (at_s % 1.0)):03d}"
+        return Observation(begin, at_s, time_s, **known)
 
     def _fresh(self, topic: str, time_s: float) -> Any:
         received_s, message = self._newest.get(topic, (-math.inf, None))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from robot_stack.contract.states import ACTIVE, DOCKING, ENDED, DockingState, MissionState
 from robot_stack.core.rides import (
@@ -24,6 +24,8 @@ _PATH_S = 1.0
 _LONGEST_STEP_S = 1.0
 # A ride that never ends must not fill the memory: five hours of path, and stops every few seconds.
 _MOST_ITEMS = 20_000
+# Of the causes of one stop: reasons contain numbers that change.
+_MOST_CAUSES = 20
 _KNOWN = ACTIVE | ENDED | {MissionState.IDLE}
 
 
@@ -58,14 +60,18 @@ class Observation:
 
 
 class RideWatch:
-    """Call ``step`` a few times a second, with rising times."""
+    """Call ``step`` a few times a second. A clock that is set back stands still in the record meanwhile."""
 
     def __init__(self) -> None:
         self._ride: _Ride | None = None
-        self._saved_s = -math.inf
+        self._saved_s = self._last_s = -math.inf
+        self._back_s = 0.0  # by which the clock was set back
 
     def step(self, seen: Observation) -> RideRecord | None:
         """The record to be written now, if any: at the begin and end of a ride, and every 10 s of it."""
+        self._back_s += max(self._last_s - seen.time_s, 0.0)
+        self._last_s = seen.time_s
+        seen = replace(seen, time_s=seen.time_s + self._back_s)
         ride = self._ride
         if seen.state not in _KNOWN:  # the mission manager is silent: the ride may go on
             return None
@@ -102,11 +108,12 @@ class _Standing:
 
     def step(self, seen: Observation) -> None:
         self.until_s = seen.time_s
-        if seen.allowed_mps <= 0.0:
+        if seen.allowed_mps <= 0.0 and len(self.limits) < _MOST_CAUSES:
             self.limits[seen.limited_by] = None
         if seen.docking in DOCKING:
             self.docking[seen.docking] = None
-        self.mission[(seen.state, seen.waypoint, seen.reason)] = None
+        if len(self.mission) < _MOST_CAUSES:
+            self.mission[(seen.state, seen.waypoint, seen.reason)] = None
 
     def stop(self, begin_s: float) -> RideStop:
         why = why_standing(tuple(self.limits), tuple(self.docking), tuple(self.mission))

@@ -12,6 +12,8 @@ from typer.testing import CliRunner
 
 from robot_stack.cli.app import app
 from robot_stack.cli.errors import CommandError
+from robot_stack.cli.html_page import seconds
+from robot_stack.cli.report import _day
 from robot_stack.cli.report_page import report_page
 from robot_stack.core.kept_events import EventRecord, EventState, Software, Trigger
 from robot_stack.core.rides import (
@@ -128,3 +130,16 @@ def test_a_recording_of_a_ride(state: Path) -> None:
     error = call(str(folder / "goal_ahead.mcap")).exception
     assert isinstance(error, CommandError)
     assert "contains no mission" in str(error)
+
+
+@pytest.mark.parametrize(
+    ("time_s", "shown"),
+    [(59.9, "59.9 s"), (59.97, "1 min 0 s"), (60.4, "1 min 0 s"), (119.7, "2 min 0 s"), (3725.0, "62 min 5 s")],
+)
+def test_times_of_a_page(time_s: float, shown: str) -> None:
+    assert seconds(time_s) == shown
+
+
+@pytest.mark.parametrize("day", ["0001-01-01", "9999-12-31"])
+def test_a_day_beyond_all_clocks_is_none(day: str) -> None:
+    assert _day(day) is None

@@ -75,6 +75,36 @@ def test_a_ride_under_way_is_written_at_its_begin_and_every_ten_seconds() -> Non
     assert {record.state for record in day.records} == {"RUNNING"}
 
 
+def test_a_clock_that_is_set_back_costs_nothing_of_a_ride() -> None:
+    day = Day()
+    day.run(12.0)
+    day.time_s -= 3600.0
+    day.run(15.0)
+    day.run(0.2, seen(state="COMPLETED"))
+    ride = day.last()
+    assert [record.duration_s for record in day.records] == pytest.approx([0.0, 10.0, 20.0, 27.0], abs=0.3)
+    assert ride.distance_m == pytest.approx(27.0, abs=0.5)
+    assert ride.path[-1].at_s == pytest.approx(26.0, abs=1.0)
+
+
+def test_a_stop_whose_reason_changes_all_night_stays_readable() -> None:
+    day = Day()
+    for number in range(300):
+        day.run(0.2, seen(speed_mps=0.0, allowed_mps=0.0 if number % 2 else 1.0, limited_by=f"LIMIT_{number}"))
+        day.run(0.2, seen(speed_mps=0.0, state="PAUSED", reason=f"{number}.2 m before the waypoint"))
+    assert len(day.watch.end().stops[0].why) < 1000  # type: ignore[union-attr]
+    day.run(0.4, seen(speed_mps=0.0, waypoint="gate"))
+    for number in range(300):
+        day.run(0.2, seen(speed_mps=0.0, state="PAUSED", reason=f"{number}.2 m before the waypoint"))
+    assert len(day.watch.end().stops[0].why) < 1000  # type: ignore[union-attr]
+
+
+def test_two_rides_of_one_second_are_two_records() -> None:
+    messages = RideMessages()
+    ids = [messages.observation(1_777_636_800.0 + part_s, 0.0).id for part_s in (0.0, 0.2, 0.9999)]
+    assert ids == ["20260501-120000-000", "20260501-120000-200", "20260501-120000-999"]
+
+
 def test_stops_have_place_and_reason() -> None:
     day = Day()
     day.run(5.0)
@@ -223,7 +253,7 @@ def test_messages_become_observations_and_grow_stale() -> None:
     docking = Message(state="SEARCH", position_error=0.1, orientation_error=0.2)
     messages.take(topics.DOCKING_STATUS.name, docking, 10.0)
     assert messages.observation(1e9, 10.05) == Observation(
-        "20010909-014640", 1e9, 10.05, "tour", "Tour", "RUNNING", "gate", "", True, 1.0, 2.0, 0.5, 0.5,
+        "20010909-014640-000", 1e9, 10.05, "tour", "Tour", "RUNNING", "gate", "", True, 1.0, 2.0, 0.5, 0.5,
         "PASSENGER_ONBOARD", "SEARCH", 0.1, 0.2, 0.8,
     )  # fmt: skip
     later = messages.observation(1e9, 60.0)
