@@ -1,4 +1,4 @@
-"""fleet up, add-robot, rotate, status, watch, send, cancel: a broker for robots and a small fleet manager."""
+"""fleet up, add-robot, rotate, status, watch, page, send, cancel: a broker for robots and a small fleet manager."""
 
 from __future__ import annotations
 
@@ -143,6 +143,39 @@ def watch(broker: Broker = None, certificates: Certificates = None, folder: Fold
             for robot, topic in connected.updates(_REFRESH_S):
                 _request_state(connected, robot, topic)
             live.update(_table(connected.robots.values()), refresh=True)
+
+
+@fleet.command()
+def page(
+    port: Annotated[int, typer.Option(min=0, max=65_535, help="Of the page; 0 for any free one.")] = 8470,
+    bind: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="This computer's address, or 0.0.0.0: for phones and other computers, with the broker's certificate. "
+            "Orders are then cancelled with the PIN of config/touch_ui.yaml.",
+        ),
+    ] = None,
+    map_name: Annotated[
+        str | None,
+        typer.Option("--map", help="Of config/maps or a folder, by default the touch screen's; empty for none."),
+    ] = None,
+    broker: Broker = None,
+    certificates: Certificates = None,
+    folder: Folder = None,
+) -> None:
+    """Serve a page with map, robots and orders until Ctrl-C."""
+    from robot_stack.cli.fleet_broker import broker_params
+    from robot_stack.cli.fleet_page import FleetPage
+    from robot_stack.core.config import load
+    from robot_stack.ui.params import TouchUiParams
+
+    site = _site(folder)
+    params, screen = broker_params(site, broker, certificates), load(TouchUiParams, "touch_ui")
+    served = FleetPage(params, site, screen, port, bind, map_name)
+    print(f"fleet page: {served.url}", flush=True)
+    with _interrupts() as interrupts:
+        served.run(lambda: bool(interrupts), _request_state, lambda robot: _instant_action("cancelOrder", robot))
 
 
 @contextlib.contextmanager

@@ -1,10 +1,11 @@
-"""What a fleet's robots publish, as a table; and how far an order or an instant action has come.
+"""What a fleet's robots publish, as a table and for the fleet page; and how far an order or an instant action has come.
 
 The messages come from other software: a missing or wrong value is shown as absent.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
@@ -23,6 +24,17 @@ _REFUSALS: Final = (
     *("VALIDATION", "UNSUPPORTED", "INVALID_ORDER", "INSUFFICIENT", "OTHER_ORDER", "MOBILE_ROBOT_NOT", "UNKNOWN_MAP"),
     *("START_NODE", "NO_ROUTE", "OUTDATED", "SAME_ORDER", "ORDER"),
 )
+STALE_S: Final = 35.0  # VDA 5050: a state every 30 s at least
+_ERRORS_MAX: Final = 20
+_NODES_MAX: Final = 500
+_FARTHEST_M: Final = 1e6
+_LINKS: Final = {
+    "ONLINE": "online",
+    "OFFLINE": "offline",
+    "HIBERNATING": "offline",
+    "CONNECTIONBROKEN": "lost",
+    "CONNECTION_BROKEN": "lost",
+}
 
 
 @dataclass(slots=True)
@@ -66,6 +78,108 @@ class Robot:
             errors.insert(0, "emergency stop")
         position = _position(shown) if _position(shown) != "-" else _position(state)
         return (text(self.serial), self.connection, order, driving, position, _battery(state), ", ".join(errors) or "-")
+
+
+def section(robot: Robot, heard_s: Mapping[Topic, float], now_s: float) -> dict[str, Any]:
+    """A robot for the fleet page, as JSON: short texts, finite numbers.
+
+    heard_s: steady time of each topic's last message. pose: [x, y, yaw] in m and rad in the map ``map``, or None; yaw
+    may be None. way: [x, y, released] of each node left on this map. progress: share of the order's nodes reached.
+    """
+    state = robot.messages.get(Topic.STATE, {})
+    newest = max((heard_s.get(topic, -math.inf) for topic in (Topic.STATE, Topic.VISUALIZATION)), default=-math.inf)
+    age_s = now_s - newest
+    stale = math.isfinite(age_s) and age_s > STALE_S
+    pose, map_id = _newest_pose(robot, heard_s)
+    supply = _inner(state, "batteryState", "powerSupply")
+    charge = _number(supply.get("batteryCharge", supply.get("stateOfCharge")))
+    nodes = sorted(_items(state, "nodeStates")[:_NODES_MAX], key=_sequence)
+    is_open = bool(nodes) or any(
+        item.get("actionStatus") not in ("FINISHED", "FAILED") for item in _items(state, "actionStates")
+    )
+    errors = _items(state, "errors")
+    return {
+        "serial": text(robot.serial),
+        "maker": text(robot.manufacturer),
+        "condition": _condition(robot, state, stale, is_open),
+        "mode": text(state.get("operatingMode")),
+        # In steps: otherwise each second would be a change to send.
+        "age_s": 10 * int(age_s / 10) if stale else 0,
+        "pose": pose,
+        "map": map_id,
+        "battery": round(charge) if 0.0 <= charge <= 100.0 else None,
+        "charging": supply.get("charging") is True,
+        "loaded": bool(_items(state, "loads")),
+        "order": text(state.get("orderId")),
+        "open": is_open,
+        "progress": _share(state, nodes),
+        "left": len(nodes),
+        "way": [place for node in nodes if (place := _place(node, map_id)) is not None],
+        "errors": [
+            {name: text(item.get(f"error{name.title()}")) for name in ("level", "type", "description")}
+            for item in errors[:_ERRORS_MAX]
+        ],
+        "errors_more": max(0, len(errors) - _ERRORS_MAX),
+    }
+
+
+def _condition(robot: Robot, state: Data, stale: bool, is_open: bool) -> str:
+    """The one thing to know about it, the most urgent first."""
+    link = _LINKS.get(robot.connection, "unknown")
+    stop = _inner(state, "safetyState")
+    stop_kind = stop.get("eStop", stop.get("activeEmergencyStop", "NONE"))
+    fatal = any(item.get("errorLevel") in ("FATAL", "CRITICAL") for item in _items(state, "errors"))
+    found = (
+        (link != "online", link),
+        (stale, "stale"),
+        (not state, "no_state"),
+        (stop_kind == "AUTOACK", "obstacle"),
+        (stop_kind != "NONE", "emergency"),
+        (fatal, "fault"),
+        (state.get("paused") is True, "paused"),
+        (state.get("driving") is True, "driving"),
+        (is_open, "working"),
+        (_inner(state, "batteryState", "powerSupply").get("charging") is True, "charging"),
+    )
+    return next((name for holds, name in found if holds), "idle")
+
+
+def _newest_pose(robot: Robot, heard_s: Mapping[Topic, float]) -> tuple[list[float | None] | None, str]:
+    topics = sorted((Topic.STATE, Topic.VISUALIZATION), key=lambda topic: heard_s.get(topic, -math.inf), reverse=True)
+    for topic in topics:
+        found = _inner(robot.messages.get(topic, {}), "agvPosition", "mobileRobotPosition")
+        if (xy := _xy(found)) is not None:
+            yaw = _number(found.get("theta"))
+            return [*xy, None if math.isnan(yaw) else round(math.remainder(yaw, math.tau), 3)], text(found.get("mapId"))
+    return None, ""
+
+
+def _xy(data: Data) -> tuple[float, float] | None:
+    x, y = _number(data.get("x")), _number(data.get("y"))
+    return (round(x, 3), round(y, 3)) if abs(x) <= _FARTHEST_M and abs(y) <= _FARTHEST_M else None
+
+
+def _place(node: Data, map_id: str) -> list[float | bool] | None:
+    found = _inner(node, "nodePosition")
+    xy = _xy(found)
+    if xy is None or text(found.get("mapId")) != map_id:
+        return None
+    return [*xy, node.get("released") is True]
+
+
+def _sequence(node: Data) -> float:
+    number = _number(node.get("sequenceId"))
+    return math.inf if math.isnan(number) else number
+
+
+def _share(state: Data, nodes: Sequence[Data]) -> float | None:
+    """Of the order's nodes, from 0 to 1; None without an order. Sequence ids begin with 0 and count edges too."""
+    if not state.get("orderId"):
+        return None
+    if not nodes:
+        return 1.0
+    last, end = _number(state.get("lastNodeSequenceId")), _sequence(nodes[-1])
+    return round(last / end, 3) if 0.0 <= last < end < math.inf else 0.0
 
 
 def robot_of(topic: str) -> tuple[str, Topic] | None:
@@ -202,7 +316,13 @@ def _inner(data: Data, *names: str) -> Data:
 
 
 def _number(value: object) -> float:
-    return value if isinstance(value, int | float) and not isinstance(value, bool) else float("nan")
+    """NaN unless it is a finite number."""
+    if not isinstance(value, int | float) or isinstance(value, bool):
+        return math.nan
+    try:
+        return float(value) if math.isfinite(value) else math.nan
+    except OverflowError:  # an integer of more than 308 digits
+        return math.nan
 
 
 def _position(data: Data) -> str:

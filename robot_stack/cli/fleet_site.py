@@ -13,6 +13,7 @@ import json
 import os
 import pwd
 import re
+import secrets
 import shutil
 import socket
 from collections.abc import Mapping, Sequence
@@ -84,6 +85,25 @@ class Site:
 
     def robot(self, serial: str) -> Files:
         return self._files(serial, "robots")
+
+    def server(self) -> tuple[Path, Path]:
+        """The broker's certificate and key, which also serve the fleet page. Raises CommandError without them."""
+        files = self.folder / "server" / "server.crt", self.folder / "server" / "server.key"
+        if self.settings()["local"] or not all(path.is_file() for path in files):
+            raise CommandError(f"{self.folder} has no certificates: start the broker without --local")
+        return files
+
+    def names(self) -> list[str]:
+        """Host names and addresses of this computer, the one for robots first."""
+        return list(dict.fromkeys([str(self.settings()["host"]), *_own_names()]))
+
+    def page_token(self) -> str:
+        """Lets a browser open the fleet page; created once."""
+        file = self.folder / "page_token"
+        if not file.is_file():
+            self.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            _write(file, secrets.token_urlsafe(32))
+        return file.read_text(encoding="utf-8")
 
     def robots(self) -> list[str]:
         return sorted(path.name for path in (self.folder / "robots").glob("*") if (path / "client.crt").is_file())

@@ -8,7 +8,7 @@ import socket
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import uvicorn
 from h11 import LocalProtocolError
@@ -21,10 +21,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from robot_stack.core.config import ConfigError
 from robot_stack.ui.nodes.connections import Connections
-from robot_stack.ui.nodes.hub import Hub
 from robot_stack.ui.origin import Gate
 from robot_stack.ui.params import ServerParams
-from robot_stack.ui.protocol import STAFF_BYTES_MAX, Layer
+from robot_stack.ui.protocol import STAFF_BYTES_MAX
 
 WEB = Path(__file__).resolve().parents[1] / "web"
 COOKIE = "touch_ui"
@@ -50,16 +49,29 @@ _CONNECTIONS_MAX = 64
 _START_S, _JOIN_S = 10.0, 5.0
 
 
-class WebServer:
-    """hub: made in the server's thread by ``make_hub``. extra: path -> (type, bytes) beside the files of ``web/``.
+class PageHub(Protocol):
+    """What a server's pages talk to; called in the server's loop. page: whatever ``join`` returned."""
 
-    Raises ConfigError if the address cannot be used or the certificate cannot be read.
+    def full(self) -> bool: ...
+    def join(self, address: str) -> Any: ...
+    def leave(self, page: Any) -> None: ...
+    def on_message(self, page: Any, text: str | bytes | None) -> bool: ...
+    async def send(self, page: Any, text: Callable[[str], Any], data: Callable[[bytes], Any]) -> None: ...
+
+
+class WebServer:
+    """extra: path -> (type, bytes) beside the files of ``web/``, or instead of them.
+
+    cookie: its name; a browser sends a host's cookies to all its ports. Raises ConfigError if the address cannot be
+    used or the certificate cannot be read.
     """
 
-    def __init__(self, params: ServerParams, hub: Hub, extra: Mapping[str, tuple[str, bytes]]) -> None:
+    def __init__(
+        self, params: ServerParams, hub: PageHub, extra: Mapping[str, tuple[str, bytes]], cookie: str = COOKIE
+    ) -> None:
         self._socket = _bind(params)
         self.port = int(self._socket.getsockname()[1])
-        self._params, self.hub, self._extra = params, hub, extra
+        self._params, self.hub, self._extra, self._cookie = params, hub, extra, cookie
         self._gate = Gate(params, self.port)
         # The only valid paths: a request's path is looked up here, never on the disk.
         self._files = {f"/{path.relative_to(WEB).as_posix()}": path for path in WEB.rglob("*") if path.suffix in _TYPES}
@@ -84,9 +96,6 @@ class WebServer:
         if self._loop is not None:
             with contextlib.suppress(RuntimeError):  # the server has just ended
                 self._loop.call_soon_threadsafe(function, *arguments)
-
-    def frame(self, layer: Layer, data: bytes) -> None:
-        self.call(self.hub.frame, layer, data)
 
     def close(self) -> None:
         self._server.should_exit = self._server.force_exit = True  # pages lose their link; no waiting
@@ -142,14 +151,14 @@ class WebServer:
             given = request.query_params.get("token")
             if path == "/" and given is not None and self._gate.token(given):
                 return self._welcome(given)
-            if not self._gate.token(request.cookies.get(COOKIE)):
+            if not self._gate.token(request.cookies.get(self._cookie)):
                 return Response("token needed", 403, headers=_HEADERS)
         return self._found("/index.html" if path == "/" else path)
 
     def _found(self, path: str) -> Response:
         kind, data = self._extra.get(path, ("", b""))
         file = self._files.get(path)
-        if file is not None:
+        if file is not None and not kind:
             kind, data = _TYPES[file.suffix], file.read_bytes()
         if not kind:
             return Response("not found", 404, headers=_HEADERS)
@@ -159,13 +168,13 @@ class WebServer:
     def _welcome(self, token: str) -> Response:
         """Moves the token from the address bar to a cookie, which the browser sends with each request."""
         response = RedirectResponse("/", 303, headers=_HEADERS)
-        response.set_cookie(COOKIE, token, httponly=True, secure=True, samesite="strict", path="/")
+        response.set_cookie(self._cookie, token, httponly=True, secure=True, samesite="strict", path="/")
         return response
 
     async def _page(self, websocket: WebSocket) -> None:
         headers = websocket.headers
         allowed = self._gate.origin(headers.get("origin"), headers.get("host"))
-        if not allowed or not self._gate.token(websocket.cookies.get(COOKIE)):
+        if not allowed or not self._gate.token(websocket.cookies.get(self._cookie)):
             await websocket.close(_POLICY_VIOLATION)  # before it is accepted: 403
             return
         await websocket.accept()

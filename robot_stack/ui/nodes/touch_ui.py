@@ -79,7 +79,7 @@ class TouchUiNode(StackNode):
         self._hub.stopped()
 
     def _send_frame(self, layer: p.Layer, data: bytes) -> None:
-        self._server.frame(layer, data)
+        self._server.call(self._hub.frame, layer, data)
 
     def _beat(self) -> None:
         """The safety monitor takes a missing beat for an unusable screen."""

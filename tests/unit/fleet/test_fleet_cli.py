@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
+import urllib.request
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -290,3 +291,23 @@ def test_up_runs_until_interrupted(tmp_path: Path, local: bool) -> None:
     finally:
         process.kill()
         process.wait()
+
+
+def test_page_is_served_until_interrupted(broker: RunningBroker) -> None:
+    folder = str(broker.site.folder)
+    command = [sys.executable, "-m", "robot_stack.cli", "fleet", "page", "--port", "0", "--folder", folder]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, env=environment, text=True)
+    try:
+        assert process.stdout is not None
+        url = process.stdout.readline().removeprefix("fleet page: ").strip()
+        assert url.startswith("http://127.0.0.1:")
+        with urllib.request.urlopen(url, timeout=60.0) as answer:
+            assert b"/fleet.js" in answer.read()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(60.0) == 0
+    finally:
+        process.kill()
+        process.wait()
+    assert "no map 'nowhere'" in str(run(broker, "page", "--map", "nowhere").exception)
+    assert "without --local" in str(run(broker, "page", "--bind", "127.0.0.1").exception)
