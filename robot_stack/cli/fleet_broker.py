@@ -22,6 +22,7 @@ from robot_stack.fleet.link import Topic
 from robot_stack.fleet.mqtt_params import BrokerParams
 from robot_stack.fleet.nodes.mqtt_client import connect, mqtt_client
 
+_DEEPEST: Final = 32  # levels of a message; VDA 5050 has fewer than 10
 _QUEUE: Final = 10_000  # messages; the broker repeats the state of each robot
 
 
@@ -132,7 +133,7 @@ class Fleet:
             data = json.loads(message.payload)
         except (ValueError, RecursionError):
             return None
-        if not isinstance(data, dict):
+        if not isinstance(data, dict) or not _flat(data):
             return None
         robot = self.robots.setdefault(prefix, Robot(prefix))
         robot.messages[topic] = data
@@ -176,3 +177,14 @@ class Fleet:
     ) -> None:
         if code.is_failure:
             self._put(f"lost the connection: {self._why or str(code)}")
+
+
+def _flat(root: Any) -> bool:
+    """False if nested so deep that comparing or printing it could exhaust the stack."""
+    level = [root]
+    for _ in range(_DEEPEST):
+        inner = [value.values() if isinstance(value, dict) else value for value in level]
+        level = [item for values in inner for item in values if isinstance(item, dict | list)]
+        if not level:
+            return True
+    return False
