@@ -128,7 +128,8 @@ def _condition(robot: Robot, state: Data, stale: bool, is_open: bool) -> str:
     link = _LINKS.get(robot.connection, "unknown")
     stop = _inner(state, "safetyState")
     stop_kind = stop.get("eStop", stop.get("activeEmergencyStop", "NONE"))
-    fatal = any(item.get("errorLevel") in ("FATAL", "CRITICAL") for item in _items(state, "errors"))
+    # From 3.0 on, CRITICAL may also be an order that the robot refused.
+    fatal = any(item.get("errorLevel") == "FATAL" for item in _items(state, "errors"))
     found = (
         (link != "online", link),
         (stale, "stale"),

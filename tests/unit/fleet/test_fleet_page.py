@@ -15,6 +15,7 @@ from robot_stack.cli.fleet_page import PAGE, FleetPicture, Wish, server_params, 
 from robot_stack.cli.fleet_robots import STALE_S, Robot, section
 from robot_stack.cli.fleet_site import Site
 from robot_stack.core.config import load
+from robot_stack.fleet.errors import ErrorType
 from robot_stack.fleet.link import Topic
 from robot_stack.ui.nodes.server import WEB
 from robot_stack.ui.params import TouchUiParams
@@ -44,7 +45,8 @@ def shown(state: Any = None, *, connection: Any = ONLINE, age_s: float = 0.0, **
         ({"driving": True, "nodeStates": [{}]}, "driving"),
         ({"driving": True, "paused": True}, "paused"),
         ({"paused": True, "errors": [{"errorLevel": "WARNING"}]}, "paused"),
-        ({"paused": True, "errors": [{"errorLevel": "FATAL"}]}, "fault"),
+        ({"paused": True, "errors": [{"errorLevel": "CRITICAL"}]}, "paused"),
+        ({"paused": True, "errors": [{"errorLevel": "WARNING"}, {"errorLevel": "FATAL"}]}, "fault"),
         ({"errors": [{"errorLevel": "FATAL"}], "safetyState": {"eStop": "MANUAL"}}, "emergency"),
         ({"safetyState": {"activeEmergencyStop": "MANUAL"}}, "emergency"),
         ({"safetyState": {"eStop": "AUTOACK"}}, "obstacle"),
@@ -157,6 +159,10 @@ def test_texts_are_complete_and_used() -> None:
     assert named - set(texts()) == set()
     shared = json.loads((WEB / "texts.json").read_text(encoding="utf-8"))
     assert set(OWN) & set(shared) == {"app.title"}, "the page's own title replaces the touch screen's"
+
+
+def test_every_error_of_this_project_s_robots_has_words() -> None:
+    assert {f"error.{kind.value}" for kind in ErrorType} - set(OWN) == set()
 
 
 def test_other_computers_need_certificate_and_token(tmp_path: Path) -> None:
