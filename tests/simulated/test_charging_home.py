@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from sensor_msgs.msg import BatteryState
+
 from custom_msgs.msg import MissionOrder, MissionQueue
 from custom_msgs.srv import EditMissionQueue
 from robot_stack.contract import services, topics
@@ -20,6 +22,7 @@ home: {x: -0.5, y: 0.0, yaw: 0.0, dock: charger}
 waypoints:
   - {name: end, x: 0.8, y: 0.0, yaw: 0.0, action: park}
 """
+CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
 _Request = EditMissionQueue.Request
 
 
@@ -32,16 +35,21 @@ def test_a_low_battery_leads_to_the_charger_and_a_release_away_from_it(tmp_path:
     docked = load_docks().docks["charger"]
     at_charger = docked.staging.pose().compose(Pose2(-1.5, 0.0, 0.0))
     with own_config(tmp_path, hop=MISSION), staged("yard", start=Pose2(0.0, 0.0, 0.0)) as stage:
-        queue = stage.listen(topics.MISSION_QUEUE)
+        queue, battery = stage.listen(topics.MISSION_QUEUE), stage.listen(topics.BATTERY_STATE)
         stage.command("START_MISSION", "hop")
         stage.wait_faster(0.1, 20.0)
         stage.world.sim.battery.charge = 0.25
         stage.mission.wait(lambda message: message.current_waypoint == "home", "the way home", 20.0)
         stage.wait_mission("COMPLETED", 120.0)
         assert stage.at().distance_to(at_charger) < 0.02
+        charged = battery.last.percentage
+        assert battery.last.power_supply_status == CHARGING
+        assert battery.last.current > 1.0
         assert edit(stage, _Request.ADD).success
         assert not edit(stage, _Request.RELEASE).success
 
+        stage.assert_wheels_rest(5.0)
+        assert battery.last.percentage > charged
         stage.world.sim.battery.charge = 0.95
         stage.assert_wheels_rest(15.0)
         assert queue.last.held_by != MissionQueue.NOTHING
@@ -50,3 +58,4 @@ def test_a_low_battery_leads_to_the_charger_and_a_release_away_from_it(tmp_path:
         stage.wait_mission("COMPLETED", 60.0)
         assert stage.at().distance_to(Pose2(0.8, 0.0, 0.0)) < 0.15
         assert stage.docking.last.state == "IDLE"
+        assert battery.last.power_supply_status != CHARGING

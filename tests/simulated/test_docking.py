@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sensor_msgs.msg import BatteryState
 
 from custom_msgs.action import Dock
-from robot_stack.contract import actions, services, topics
+from robot_stack.contract import actions, services
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
 from sim.settings import pose_settings
@@ -22,7 +21,6 @@ from tests.simulated.shared import shared
 from tests.simulated.stage import docked, staged, staged_before_chair
 from tests.support.environment import own_config
 
-CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
 START = Pose2(0.2, 0.3, math.radians(10.0))
 
 
@@ -133,23 +131,6 @@ def at_charger(*settings: str) -> Any:
     """On the yard at the charger's staging pose, a little beside it."""
     staging = load_docks().docks[CHARGER].staging.pose()
     return staged("yard", *settings, start=staging.compose(Pose2(0.0, 0.1, 0.05)))
-
-
-def test_the_robot_docks_to_the_charger_and_its_battery_is_charged() -> None:
-    with at_charger() as stage:
-        battery = stage.listen(topics.BATTERY_STATE)
-        goal = stage.begin(actions.DOCK, Dock.Goal(dock_id=CHARGER))
-        battery.wait(lambda message: message.power_supply_status == CHARGING, "charging", 90.0)
-        result = goal.wait(5.0 + 2.5)  # the charge is to last for charge_s
-        assert result.success, result.reason
-        assert battery.last.current > 1.0
-        begun = battery.last.percentage
-        stage.run(10.0)
-        assert battery.last.percentage > begun
-        result = stage.begin_undocking().wait(60.0)
-        assert result.success, result.reason
-        stage.run(3.0)
-        assert battery.last.power_supply_status != CHARGING
 
 
 def test_a_dead_charger_is_given_up_with_its_reason() -> None:
