@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import subprocess
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -35,7 +36,9 @@ def drive_by_sdk(
 
     orders: the order, then its updates, each of which is sent when the robot asks for more of the base.
     """
-    return asyncio.run(_drive(url, f"{manufacturer}/{serial}", orders, deadline_s))
+    # In a thread of its own: a browser driven earlier by the same process leaves its event loop in this one.
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(asyncio.run, _drive(url, f"{manufacturer}/{serial}", orders, deadline_s)).result()
 
 
 async def _drive(url: str, key: str, messages: tuple[dict[str, Any], ...], deadline_s: float) -> Followed:
