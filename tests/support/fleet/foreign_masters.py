@@ -16,15 +16,17 @@ from vda5050.model.enums import OperatingMode
 from vda5050.model.order import Order
 from vda5050.model.state import State
 
+_REFUSALS = ("validationError", "orderError", "orderUpdateError", "noRouteError")
 NPM = Path(__file__).with_name("npm")
 
 
 @dataclass
 class Followed:
-    """nodes: ids of the last nodes that the states named, without repetition."""
+    """nodes: ids of the last nodes that the states named, without repetition. refused: by the robot, in a state."""
 
     accepted: bool
     finished: bool
+    refused: bool = False
     nodes: list[str] = field(default_factory=list)
     errors: list[str] = field(default_factory=list)
 
@@ -52,6 +54,7 @@ async def _drive(url: str, key: str, messages: tuple[dict[str, Any], ...], deadl
     async with MasterClient(MasterConfig(broker_url=url, validate_messages=True)) as master:
 
         def note(state: State, _key: object) -> None:
+            followed.refused = followed.refused or _refused(state)
             if state.order_id == order.order_id and [state.last_node_id] != followed.nodes[-1:]:
                 followed.nodes.append(state.last_node_id)
 
@@ -61,30 +64,42 @@ async def _drive(url: str, key: str, messages: tuple[dict[str, Any], ...], deadl
         if not await master.wait_for(key, lambda session: session.state is not None, timeout=deadline_s):
             followed.errors.append("no state")
             return followed
-        # Without it the order is refused.
-        if not await master.wait_for(
-            key, lambda session: session.state.operating_mode is OperatingMode.AUTOMATIC, timeout=deadline_s
-        ):
-            followed.errors.append("not automatic")
+        # Otherwise the order is refused.
+        if not await master.wait_for(key, lambda session: _takes_orders(session.state), timeout=deadline_s):
+            followed.errors.append("not automatic, or not localized")
             return followed
         result = await master.dispatch(order, key)
         followed.accepted = result.accepted
         followed.errors += [str(result.detail)] if not result.accepted else []
         for update in updates if followed.accepted else ():
-            if not await master.wait_for(key, lambda session: session.state.new_base_request, timeout=deadline_s):
+            if not await master.wait_for(key, lambda session: _goes_on(session.state), timeout=deadline_s):
                 followed.errors.append("no request for a base")
+                return followed
+            if followed.refused:
                 return followed
             order = update
             followed.accepted = (await master.dispatch(update, key)).accepted
         if followed.accepted:
-            followed.finished = await master.wait_for(
-                key, lambda session: _ended(session.state, order), timeout=deadline_s
-            )
+            ended = await master.wait_for(key, lambda session: _ended(session.state, order), timeout=deadline_s)
+            followed.finished = ended and not followed.refused
     return followed
 
 
+def _takes_orders(state: State) -> bool:
+    at = state.agv_position
+    return state.operating_mode is OperatingMode.AUTOMATIC and at is not None and at.position_initialized
+
+
+def _refused(state: State) -> bool:
+    return any(error.error_type in _REFUSALS for error in state.errors)
+
+
+def _goes_on(state: State) -> bool:
+    return bool(state.new_base_request) or _refused(state)
+
+
 def _ended(state: State, order: Order) -> bool:
-    return (
+    return _refused(state) or (
         (state.order_id, state.order_update_id) == (order.order_id, order.order_update_id)
         and not state.node_states
         and state.last_node_sequence_id == order.nodes[-1].sequence_id
