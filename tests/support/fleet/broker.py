@@ -23,7 +23,7 @@ class RunningBroker:
     """mosquitto as ``robot-stack fleet up`` starts it."""
 
     def __init__(self, folder: Path, *, local: bool = False) -> None:
-        self.site, self.port = Site(folder), _free_ports()
+        self.site, self.port = Site(folder), free_ports()
         self._local = local
         self._process: subprocess.Popen[bytes] | None = None
         self._file = self.site.prepare(self.port, local=local, names=["localhost"])
@@ -127,10 +127,11 @@ class Peer:
         self._client.loop_stop()
 
 
-def _free_ports() -> int:
+def free_ports() -> int:
     """The first of two successive free ports, below those that the operating system assigns."""
-    first = 20_000 + os.getpid() % 4000
-    for port in range(first, first + 8000, 2):
+    # Test processes have successive numbers: each begins far from the others, which may not listen yet.
+    first = 20_000 + 64 * (os.getpid() % 125)
+    for port in range(first, first + 4000, 2):
         try:
             with socket.socket() as one, socket.socket() as two:
                 one.bind(("127.0.0.1", port))

@@ -21,7 +21,7 @@ from typer.testing import CliRunner
 
 from robot_stack.cli.app import app
 from robot_stack.cli.fleet_site import Site
-from tests.support.fleet.broker import Peer, RunningBroker, require_mosquitto, running_broker
+from tests.support.fleet.broker import Peer, RunningBroker, free_ports, require_mosquitto, running_broker
 from tests.support.fleet.foreign_robot import MAKER, ForeignRobot
 from tests.support.fleet.orders import order
 from tests.support.processes import ROOT
@@ -272,9 +272,7 @@ def test_certificates_of_the_manager(tmp_path: Path) -> None:
 @pytest.mark.parametrize("local", [True, False])
 def test_up_runs_until_interrupted(tmp_path: Path, local: bool) -> None:
     require_mosquitto()
-    with running_broker(tmp_path / "ports", local=True) as other:
-        port = other.port + 2
-    folder = tmp_path / "site"
+    port, folder = free_ports(), tmp_path / "site"
     command = [sys.executable, "-m", "robot_stack.cli", "fleet", "up", "--port", str(port), "--folder", str(folder)]
     process = subprocess.Popen(
         [*command, *(["--local"] if local else ["--name", "localhost"])],
