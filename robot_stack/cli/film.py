@@ -76,14 +76,13 @@ def make_film(
 def _film(story: Story, params: FilmParams, map_name: str | None) -> Film:
     import numpy as np
 
-    from robot_stack.core.config import config_dir, read_yaml
     from robot_stack.core.robot import load_robot
     from robot_stack.core.robot_shape import load_robot_shape
-    from robot_stack.core.site_map import load_map
+    from robot_stack.core.site_map import chosen_map, load_map
     from robot_stack.film.frames import Film
     from robot_stack.film.site import drawn_site, empty_site, unmapped
 
-    name = read_yaml(config_dir() / "ndt_localization.yaml").get("map", "") if map_name is None else map_name
+    name = chosen_map(map_name)
     if name:
         known = load_map(name)
         site = drawn_site(known, params.wall_height_m)

@@ -29,7 +29,8 @@ from robot_stack.fleet.mqtt_params import BrokerParams
 from robot_stack.ui import protocol as p
 from robot_stack.ui.access import Access
 from robot_stack.ui.changes import Changes
-from robot_stack.ui.nodes.server import WEB, WebServer
+from robot_stack.ui.nodes.hub import REFUSED_MAX, TICK_S
+from robot_stack.ui.nodes.server import TYPES, WEB, WebServer
 from robot_stack.ui.nodes.site import background
 from robot_stack.ui.params import AccessParams, ServerParams, TouchUiParams
 from robot_stack.ui.pin import verify_pin
@@ -41,14 +42,7 @@ _REFRESH_S: Final = 0.5
 _RETRY_S: Final = 2.0
 _ACCEPT_S: Final = 10.0
 _PAGE_HZ: Final = 2.0
-_TICK_S: Final = 1.0
-_REFUSED_MAX: Final = 20
 _MESSAGES_HZ_MAX: Final = 20.0
-_TYPES: Final = {
-    ".html": "text/html; charset=utf-8",
-    ".js": "text/javascript; charset=utf-8",
-    ".css": "text/css; charset=utf-8",
-}
 
 
 class Right(StrEnum):
@@ -142,7 +136,7 @@ class FleetHub:
             message = _MESSAGES.validate_json(text)
         except (ValidationError, ValueError):
             page.refused += 1
-            return page.refused < _REFUSED_MAX
+            return page.refused < REFUSED_MAX
         if isinstance(message, Cancel):
             self._ask(page, message)
         return True
@@ -151,7 +145,7 @@ class FleetHub:
         """Sends changes, answers, and a sign of life each second, until it is cancelled."""
         while True:
             with contextlib.suppress(TimeoutError):
-                await asyncio.wait_for(page.something.wait(), _TICK_S)
+                await asyncio.wait_for(page.something.wait(), TICK_S)
             page.something.clear()
             answers, page.answers = page.answers, []
             for item in answers:
@@ -198,28 +192,28 @@ class FleetPicture:
 
     def __init__(self) -> None:
         self.robots: dict[str, Robot] = {}
-        self._heard_s: dict[str, dict[Topic, float]] = {}
+        self._received_s: dict[str, dict[Topic, float]] = {}
         self._cancels: dict[str, tuple[float, Mapping[str, Any], Any, str]] = {}
 
-    def heard(self, robot: Robot, topic: Topic, now_s: float) -> None:
-        self._heard_s.setdefault(robot.prefix, {})[topic] = now_s
+    def received(self, robot: Robot, topic: Topic, now_s: float) -> None:
+        self._received_s.setdefault(robot.prefix, {})[topic] = now_s
 
     def cancelled(self, robot: Robot, message: Mapping[str, Any], now_s: float) -> None:
         state = robot.messages[Topic.STATE]
-        self._cancels[robot.prefix] = (now_s, message, errors_of(state), self._order(robot))
+        self._cancels[robot.prefix] = (now_s, message, errors_of(state), robot.order)
 
     def refusal(self, wish: Wish) -> str:
         """Key of the reason why it cannot be sent; empty if it can."""
         robot = self.robots.get(wish.robot)
         if robot is None or robot.connection != "ONLINE":
             return "fleet.not_online"
-        return "" if wish.order and wish.order == self._order(robot) else "fleet.order_changed"
+        return "" if wish.order and wish.order == robot.order else "fleet.order_changed"
 
     def sections(self, now_s: float) -> dict[str, Any]:
         prefixes = sorted(prefix for prefix in self.robots if len(prefix) <= _LONGEST_PREFIX)
         found: dict[str, Any] = {
             f"robot:{prefix}": {
-                **section(self.robots[prefix], self._heard_s.get(prefix, {}), now_s),
+                **section(self.robots[prefix], self._received_s.get(prefix, {}), now_s),
                 "cancel": self._cancel_state(self.robots[prefix], now_s),
             }
             for prefix in prefixes[:ROBOTS_MAX]
@@ -227,13 +221,10 @@ class FleetPicture:
         found["shown"] = {"prefixes": prefixes[:ROBOTS_MAX], "more": len(self.robots) - len(prefixes[:ROBOTS_MAX])}
         return found
 
-    def _order(self, robot: Robot) -> str:
-        return str(section(robot, {}, 0.0)["order"])
-
     def _cancel_state(self, robot: Robot, now_s: float) -> str:
         """As a text's key, until another order is shown."""
         sent_s, message, before, order = self._cancels.get(robot.prefix, (0.0, {}, (), ""))
-        if not message or order != self._order(robot):
+        if not message or order != robot.order:
             return ""
         progress = actions_progress(message, robot.messages[Topic.STATE], before)
         if progress.outcome is Outcome.RUNNING and not progress.accepted:
@@ -295,7 +286,7 @@ class FleetPage:
                         self._push({"broker": {"lost": False, "why": ""}})
                         while not stopped():
                             for robot, topic in connected.updates(_REFRESH_S):
-                                self._picture.heard(robot, topic, self._now_s())
+                                self._picture.received(robot, topic, self._now_s())
                                 request_state(connected, robot, topic)
                             self._cancel_wishes(connected, cancel_message)
                             self._push(self._picture.sections(self._now_s()))
@@ -362,7 +353,7 @@ def texts() -> dict[str, dict[str, str]]:
 def page_files(map_png: bytes) -> dict[str, tuple[str, bytes]]:
     """Path -> (type, bytes), beside the files of the touch screen."""
     found = {
-        f"/{path.name}": (_TYPES[path.suffix], path.read_bytes()) for path in PAGE.iterdir() if path.suffix in _TYPES
+        f"/{path.name}": (TYPES[path.suffix], path.read_bytes()) for path in PAGE.iterdir() if path.suffix in TYPES
     }
     found["/texts.json"] = ("application/json", json.dumps(texts(), ensure_ascii=False).encode())
     return found | ({"/map.png": ("image/png", map_png)} if map_png else {})

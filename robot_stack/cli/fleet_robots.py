@@ -63,40 +63,41 @@ class Robot:
     def connection(self) -> str:
         return text(self.messages.get(Topic.CONNECTION, {}).get("connectionState")) or "unknown"
 
+    @property
+    def order(self) -> str:
+        """Its id, as it is shown; empty without one."""
+        return text(self.messages.get(Topic.STATE, {}).get("orderId"))
+
     def row(self) -> tuple[str, ...]:
         state = self.messages.get(Topic.STATE)
         shown = self.messages.get(Topic.VISUALIZATION, {})
         if state is None:
             return (text(self.serial), self.connection, "-", "-", _position(shown), "-", "no state yet")
-        order = text(state.get("orderId")) or "-"
+        order = self.order or "-"
         left = len([node for node in _items(state, "nodeStates") if node.get("released")])
         order += f", {left} nodes left" if left else ""
         driving = "paused" if state.get("paused") else "yes" if state.get("driving") else "no"
         errors = [f"{text(item.get('errorLevel'))} {text(item.get('errorType'))}" for item in _items(state, "errors")]
-        safety = _inner(state, "safetyState")
-        if safety.get("eStop", safety.get("activeEmergencyStop")) not in (None, "NONE"):
+        if _stop_kind(state) not in (None, "NONE"):
             errors.insert(0, "emergency stop")
         position = _position(shown) if _position(shown) != "-" else _position(state)
-        return (text(self.serial), self.connection, order, driving, position, _battery(state), ", ".join(errors) or "-")
+        return (text(self.serial), self.connection, order, driving, position, _charge(state), ", ".join(errors) or "-")
 
 
-def section(robot: Robot, heard_s: Mapping[Topic, float], now_s: float) -> dict[str, Any]:
+def section(robot: Robot, received_s: Mapping[Topic, float], now_s: float) -> dict[str, Any]:
     """A robot for the fleet page, as JSON: short texts, finite numbers.
 
-    heard_s: steady time of each topic's last message. pose: [x, y, yaw] in m and rad in the map ``map``, or None; yaw
-    may be None. way: [x, y, released] of each node left on this map. progress: share of the order's nodes reached.
+    received_s: steady time of each topic's last message. pose: [x, y, yaw] in m and rad in the map ``map``, or None;
+    yaw may be None. way: [x, y, released] of each node left on this map. progress: share of the order's nodes reached.
     """
     state = robot.messages.get(Topic.STATE, {})
-    newest = max((heard_s.get(topic, -math.inf) for topic in (Topic.STATE, Topic.VISUALIZATION)), default=-math.inf)
+    newest = max((received_s.get(topic, -math.inf) for topic in (Topic.STATE, Topic.VISUALIZATION)), default=-math.inf)
     age_s = now_s - newest
     stale = math.isfinite(age_s) and age_s > STALE_S
-    pose, map_id = _newest_pose(robot, heard_s)
-    supply = _inner(state, "batteryState", "powerSupply")
-    charge = _number(supply.get("batteryCharge", supply.get("stateOfCharge")))
+    pose, map_id = _newest_pose(robot, received_s)
+    charge, charging = _battery(state)
     nodes = sorted(_items(state, "nodeStates")[:_NODES_MAX], key=_sequence)
-    is_open = bool(nodes) or any(
-        item.get("actionStatus") not in ("FINISHED", "FAILED") for item in _items(state, "actionStates")
-    )
+    is_open = bool(nodes) or bool(_unfinished(_items(state, "actionStates")))
     errors = _items(state, "errors")
     return {
         "serial": text(robot.serial),
@@ -108,9 +109,9 @@ def section(robot: Robot, heard_s: Mapping[Topic, float], now_s: float) -> dict[
         "pose": pose,
         "map": map_id,
         "battery": round(charge) if 0.0 <= charge <= 100.0 else None,
-        "charging": supply.get("charging") is True,
+        "charging": charging is True,
         "loaded": bool(_items(state, "loads")),
-        "order": text(state.get("orderId")),
+        "order": robot.order,
         "open": is_open,
         "progress": _share(state, nodes),
         "left": len(nodes),
@@ -126,8 +127,7 @@ def section(robot: Robot, heard_s: Mapping[Topic, float], now_s: float) -> dict[
 def _condition(robot: Robot, state: Data, stale: bool, is_open: bool) -> str:
     """The one thing to know about it, the most urgent first."""
     link = _LINKS.get(robot.connection, "unknown")
-    stop = _inner(state, "safetyState")
-    stop_kind = stop.get("eStop", stop.get("activeEmergencyStop", "NONE"))
+    stop_kind = _stop_kind(state, "NONE")
     # From 3.0 on, CRITICAL may also be an order that the robot refused.
     fatal = any(item.get("errorLevel") == "FATAL" for item in _items(state, "errors"))
     found = (
@@ -140,13 +140,15 @@ def _condition(robot: Robot, state: Data, stale: bool, is_open: bool) -> str:
         (state.get("paused") is True, "paused"),
         (state.get("driving") is True, "driving"),
         (is_open, "working"),
-        (_inner(state, "batteryState", "powerSupply").get("charging") is True, "charging"),
+        (_battery(state)[1] is True, "charging"),
     )
     return next((name for holds, name in found if holds), "idle")
 
 
-def _newest_pose(robot: Robot, heard_s: Mapping[Topic, float]) -> tuple[list[float | None] | None, str]:
-    topics = sorted((Topic.STATE, Topic.VISUALIZATION), key=lambda topic: heard_s.get(topic, -math.inf), reverse=True)
+def _newest_pose(robot: Robot, received_s: Mapping[Topic, float]) -> tuple[list[float | None] | None, str]:
+    topics = sorted(
+        (Topic.STATE, Topic.VISUALIZATION), key=lambda topic: received_s.get(topic, -math.inf), reverse=True
+    )
     for topic in topics:
         found = _inner(robot.messages.get(topic, {}), "agvPosition", "mobileRobotPosition")
         if (xy := _xy(found)) is not None:
@@ -225,7 +227,7 @@ def order_progress(order: Data, state: Data, shown_before: Sequence[Data]) -> Pr
     ids = {action["actionId"] for part in (*order["nodes"], *order["edges"]) for action in part["actions"]}
     actions = [item for item in _items(state, "actionStates") if item.get("actionId") in ids]
     failed = [item for item in actions if item.get("actionStatus") == "FAILED"]
-    open_actions = [item for item in actions if item.get("actionStatus") not in ("FINISHED", "FAILED")]
+    open_actions = _unfinished(actions)
     if nodes or open_actions or state.get("driving"):
         return Progress(Outcome.RUNNING, _where(state, len(nodes), open_actions), accepted=True)
     if state.get("lastNodeSequenceId") != base[-1]["sequenceId"]:
@@ -247,7 +249,7 @@ def actions_progress(message: Data, state: Data, shown_before: Sequence[Data]) -
     if len({item["actionId"] for item in known}) < len(set(ids)):
         errors = next((found for action in ids if (found := _errors_about(state, shown_before, action_id=action))), "")
         return Progress(Outcome.FAILED if errors else Outcome.RUNNING, errors or "not accepted yet", accepted=False)
-    if [item for item in known if item.get("actionStatus") not in ("FINISHED", "FAILED")]:
+    if _unfinished(known):
         return Progress(Outcome.RUNNING, _actions(known), accepted=True)
     failed = any(item.get("actionStatus") == "FAILED" for item in known)
     return Progress(Outcome.FAILED if failed else Outcome.FINISHED, _actions(known), accepted=True)
@@ -332,7 +334,22 @@ def _position(data: Data) -> str:
     return "-" if x != x or y != y else f"{x:.2f}, {y:.2f} {text(found.get('mapId'))}".strip()
 
 
-def _battery(state: Data) -> str:
+def _battery(state: Data) -> tuple[float, Any]:
+    """(charge in percent, NaN unknown; whether it is charged, as sent)."""
     found = _inner(state, "batteryState", "powerSupply")
-    charge = _number(found.get("batteryCharge", found.get("stateOfCharge")))
-    return "-" if charge != charge else f"{charge:.0f} %{', charging' if found.get('charging') else ''}"
+    return _number(found.get("batteryCharge", found.get("stateOfCharge"))), found.get("charging")
+
+
+def _charge(state: Data) -> str:
+    charge, charging = _battery(state)
+    return "-" if charge != charge else f"{charge:.0f} %{', charging' if charging else ''}"
+
+
+def _stop_kind(state: Data, missing: str | None = None) -> Any:
+    """Of the emergency stop, as sent."""
+    safety = _inner(state, "safetyState")
+    return safety.get("eStop", safety.get("activeEmergencyStop", missing))
+
+
+def _unfinished(actions: Sequence[Data]) -> list[Data]:
+    return [item for item in actions if item.get("actionStatus") not in ("FINISHED", "FAILED")]

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from robot_stack.cli.errors import writing
-from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, SiteMap, shaded
+from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, Grid, SiteMap, shaded
 from robot_stack.core.zones import Zone, ZoneType
 
 _DPI = 110
@@ -39,10 +40,7 @@ def draw_map(
     scale = _LONGEST_IN / max(width_m, height_m)
     figure = Figure(figsize=(width_m * scale, height_m * scale + 0.6), layout="constrained")
     axes = figure.add_subplot()
-    shade = shaded(grid.occupancy, GREYS)
-    x, y = grid.origin_x_m, grid.origin_y_m
-    extent = (x, x + width_m, y, y + height_m)
-    axes.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=0.0, vmax=255.0, interpolation="nearest")
+    draw_grid(axes, grid)
     widths, heights, angles, colours, places = _ellipses(site)
     cells = EllipseCollection(
         widths, heights, angles, units="xy", offsets=places, offset_transform=axes.transData, cmap="viridis", alpha=0.55
@@ -60,12 +58,22 @@ def draw_map(
         for ring in zone.rings:
             axes.plot(ring[:, 0], ring[:, 1], color=colour, linewidth=1.6)
         axes.annotate(zone.name, zone.rings[0].mean(axis=0), color=colour, ha="center", va="center")
-    axes.set(xlim=(x, x + width_m), ylim=(y, y + height_m), xlabel="x in map, m", ylabel="y in map, m", aspect="equal")
+    axes.set(xlabel="x in map, m", ylabel="y in map, m", aspect="equal")
+    axes.set(xlim=(grid.origin_x_m, grid.origin_x_m + width_m), ylim=(grid.origin_y_m, grid.origin_y_m + height_m))
     axes.set_title(f"{site.name}: {len(site.cells.count)} cells of {site.cells.size_m:g} m, one deviation; by height")
     if way is not None:
         axes.legend(loc="upper right")
     with writing(file):
         figure.savefig(file, dpi=_DPI)
+
+
+def draw_grid(axes: Any, grid: Grid) -> None:
+    """The occupancy as grey cells, axes in m of the map."""
+    rows, columns = grid.occupancy.shape
+    x, y, size_m = grid.origin_x_m, grid.origin_y_m, grid.resolution_m
+    extent = (x, x + columns * size_m, y, y + rows * size_m)
+    shade = shaded(grid.occupancy, GREYS)
+    axes.imshow(shade, origin="lower", extent=extent, cmap="gray", vmin=0.0, vmax=255.0, interpolation="nearest")
 
 
 def _ellipses(site: SiteMap) -> tuple[Places, Places, Places, Places, Places]:

@@ -135,10 +135,9 @@ def _write_page(
 ) -> None:
     from robot_stack.cli.report_page import report_page
     from robot_stack.cli.report_pictures import ride_picture
-    from robot_stack.core.config import config_dir, read_yaml
-    from robot_stack.core.site_map import load_map
+    from robot_stack.core.site_map import chosen_map, load_map
 
-    name = read_yaml(config_dir() / "ndt_localization.yaml").get("map", "") if map_name is None else map_name
+    name = chosen_map(map_name)
     grid = load_map(name).grid if name else None
     pictures = {ride.id: ride_picture(ride, grid) for ride in rides}
     with writing(file):

@@ -6,9 +6,9 @@ from io import BytesIO
 
 import numpy as np
 
-from robot_stack.cli.map_picture import GREYS
+from robot_stack.cli.map_picture import draw_grid
 from robot_stack.core.rides import RideRecord
-from robot_stack.core.site_map import Grid, shaded
+from robot_stack.core.site_map import Grid
 
 _DRIVEN, _STOPPED = "#1f5fbf", "#b3261e"
 _MARGIN_M = 4.0
@@ -23,10 +23,7 @@ def ride_picture(ride: RideRecord, grid: Grid | None) -> bytes:
     site, course = figure.subplots(2, 1, height_ratios=(3.0, 1.0))
     way = np.array([(point.x, point.y) for point in ride.path]).reshape(-1, 2)
     if grid is not None:
-        rows, columns = grid.occupancy.shape
-        x, y, size_m = grid.origin_x_m, grid.origin_y_m, grid.resolution_m
-        extent = (x, x + columns * size_m, y, y + rows * size_m)
-        site.imshow(shaded(grid.occupancy, GREYS), origin="lower", extent=extent, cmap="gray", vmin=0.0, vmax=255.0)
+        draw_grid(site, grid)
     site.plot(way[:, 0], way[:, 1], color=_DRIVEN, linewidth=1.8)
     for number, stop in enumerate(ride.stops, start=1):
         if stop.x is None or stop.y is None:

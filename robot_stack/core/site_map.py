@@ -74,6 +74,11 @@ def shaded(occupancy: npt.NDArray[np.int8], shades: Mapping[int, int | tuple[int
     return table[occupancy]
 
 
+def chosen_map(name: str | None) -> str:
+    """``name``, or for None that of localization; empty = no map. Raises ConfigError."""
+    return str(read_yaml(config_dir() / "ndt_localization.yaml").get("map", "")) if name is None else name
+
+
 def map_folder(name: str) -> Path:
     """``config/maps/<name>``, or the folder itself if ``name`` is a path. Raises ConfigError if there is none."""
     folder = Path(name) if "/" in name else config_dir() / "maps" / name

@@ -6,13 +6,16 @@ Positions in m, angles in rad, in the map.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import MAX_WAYPOINTS, Kind
+from robot_stack.core.robot import Robot
 from robot_stack.fleet.errors import ErrorType
 from robot_stack.fleet.order import Action, Edge, Node, Order, Position
+from robot_stack.fleet.params import FleetParams
 from robot_stack.fleet.version import Version
 
 MAP_ID_KEY: Final = "nodePosition.mapId"
@@ -38,7 +41,7 @@ class Vehicle:
     version: Version
     map_id: str
     map_version: str
-    docks: dict[str, str]
+    docks: Mapping[str, str]
     max_speed_mps: float
     max_yaw_rate_radps: float
     height_m: float
@@ -48,6 +51,25 @@ class Vehicle:
     stand_m: float
     stand_rad: float
     max_actions_per_node: int
+
+    @classmethod
+    def of(cls, params: FleetParams, robot: Robot, docks: Mapping[str, str], map_version: str) -> Vehicle:
+        """docks: kind of each dock by its id."""
+        return cls(
+            version=params.protocol_version,
+            map_id=params.map,
+            map_version=map_version,
+            docks=docks,
+            max_speed_mps=robot.empty.max_speed_mps,
+            max_yaw_rate_radps=robot.empty.max_yaw_rate_radps,
+            height_m=robot.mast.top_m,
+            start_m=params.start_m,
+            pass_m=params.pass_m,
+            pass_rad=params.pass_rad,
+            stand_m=params.stand_m,
+            stand_rad=params.stand_rad,
+            max_actions_per_node=params.limits.actions_per_node,
+        )
 
 
 @dataclass(frozen=True, slots=True)

@@ -121,7 +121,7 @@ class MissionKernel:
         self._answer = status.Answer()
         self._asker = _Asker.NONE
         self._hold = self._hold_before = Hold()
-        # Not journaled: after a restart a pause belongs to nobody.
+        # Not journaled: after a restart a pause has no owner.
         self._paused_by: Origin | None = None
         self._paused_by_before: Origin | None = None
         self._ended_s = 0.0  # since the last mission ended

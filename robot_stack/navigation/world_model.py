@@ -173,7 +173,7 @@ class WorldModel:
             return None
         params = self._params.planner
         by_map = goal_problem(self._mapped, footprint, goal, params)
-        if by_map is not None or self.grid is self._mapped or goal_problem(self.grid, footprint, goal, params) is None:
+        if by_map is not None or goal_problem(self.grid, footprint, goal, params) is None:
             return by_map
         text = f"goal ({goal.x:.2f}, {goal.y:.2f}) lies in a keepout zone, or too near to one"
         return Refusal(GoalCode.GOAL_OCCUPIED, text)
@@ -234,9 +234,13 @@ class WorldModel:
 
     def _near_map(self, points: Array) -> npt.NDArray[np.bool_]:
         """(n,) True for points (n, 2), map, at an obstacle of the map."""
+        return self._map_clearance_m(points) < _SAME_M
+
+    def _map_clearance_m(self, points: Array) -> Array:
+        """(n,) distance of points (n, 2), map, from the map's obstacles."""
         assert self._mapped is not None
         dot = np.zeros((1, 2))
-        return self._mapped.clearance_m(dot, np.column_stack((points, np.zeros(len(points)))), known=True) < _SAME_M
+        return self._mapped.clearance_m(dot, np.column_stack((points, np.zeros(len(points)))), known=True)
 
     def _to_map(self, points: Array) -> Array:
         o = self.map_to_odom
@@ -254,9 +258,6 @@ class WorldModel:
         seen = self._to_map(self.local.points())
         seen = seen[~self._in_closed(seen)]  # not seen, and the route's grid has them
         if self._mapped is not None and len(seen):
-            seen = seen[
-                self._mapped.clearance_m(np.zeros((1, 2)), np.column_stack((seen, np.zeros(len(seen)))), known=True)
-                > 0.15
-            ]
+            seen = seen[self._map_clearance_m(seen) > 0.15]
         self._remembered = np.concatenate((self._remembered, seen))[-_MOST_REMEMBERED:]
         self._remembered_s = np.concatenate((self._remembered_s, np.full(len(seen), stamp_s)))[-_MOST_REMEMBERED:]

@@ -7,7 +7,6 @@ from typing import Any
 
 from robot_stack.contract import services, topics
 from robot_stack.core.docks import load_docks
-from robot_stack.core.robot import Robot
 from robot_stack.core.site_map import map_checksum
 from robot_stack.fleet.factsheet import factsheet
 from robot_stack.fleet.headers import ConnectionMessages
@@ -49,7 +48,8 @@ class FleetAgentNode(StackNode):
         record, problem = self._journal.load()
         if problem:
             self.get_logger().error(problem)
-        vehicle = _vehicle(self.params, self.robot)
+        docks = {name: dock.kind for name, dock in load_docks().docks.items()}
+        vehicle = Vehicle.of(self.params, self.robot, docks, map_checksum(self.params.map)[:16])
         self._kernel = FleetKernel(self.params, vehicle, factsheet(self.robot, vehicle, self.params), record)
         # Header ids are reserved before the link sends the first one.
         self._unsaved = self._journal.save(self._kernel.record)
@@ -122,24 +122,6 @@ class FleetAgentNode(StackNode):
     def destroy_node(self) -> None:
         self._link.close()
         super().destroy_node()
-
-
-def _vehicle(params: FleetParams, robot: Robot) -> Vehicle:
-    return Vehicle(
-        version=params.protocol_version,
-        map_id=params.map,
-        map_version=map_checksum(params.map)[:16],
-        docks={name: dock.kind for name, dock in load_docks().docks.items()},
-        max_speed_mps=robot.empty.max_speed_mps,
-        max_yaw_rate_radps=robot.empty.max_yaw_rate_radps,
-        height_m=robot.mast.top_m,
-        start_m=params.start_m,
-        pass_m=params.pass_m,
-        pass_rad=params.pass_rad,
-        stand_m=params.stand_m,
-        stand_rad=params.stand_rad,
-        max_actions_per_node=params.limits.actions_per_node,
-    )
 
 
 def main() -> None:

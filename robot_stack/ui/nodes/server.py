@@ -27,7 +27,7 @@ from robot_stack.ui.protocol import STAFF_BYTES_MAX
 
 WEB = Path(__file__).resolve().parents[1] / "web"
 COOKIE = "touch_ui"
-_TYPES = {
+TYPES = {
     ".html": "text/html; charset=utf-8",
     ".js": "text/javascript; charset=utf-8",
     ".css": "text/css; charset=utf-8",
@@ -74,7 +74,7 @@ class WebServer:
         self._params, self.hub, self._extra, self._cookie = params, hub, extra, cookie
         self._gate = Gate(params, self.port)
         # The only valid paths: a request's path is looked up here, never on the disk.
-        self._files = {f"/{path.relative_to(WEB).as_posix()}": path for path in WEB.rglob("*") if path.suffix in _TYPES}
+        self._files = {f"/{path.relative_to(WEB).as_posix()}": path for path in WEB.rglob("*") if path.suffix in TYPES}
         self._loop: asyncio.AbstractEventLoop | None = None
         self._started = threading.Event()
         self._server = uvicorn.Server(self._configuration())
@@ -159,7 +159,7 @@ class WebServer:
         kind, data = self._extra.get(path, ("", b""))
         file = self._files.get(path)
         if file is not None and not kind:
-            kind, data = _TYPES[file.suffix], file.read_bytes()
+            kind, data = TYPES[file.suffix], file.read_bytes()
         if not kind:
             return Response("not found", 404, headers=_HEADERS)
         lasting = "max-age=604800" if path.startswith("/vendor/") else "no-cache"

@@ -2,6 +2,7 @@
 
 import { html, render, useEffect, useLayoutEffect, useState } from "/vendor/preact-htm.js";
 import { LANGUAGES, known, languageNow, loadTexts, setLanguage, suggestLanguage, t } from "/i18n.js";
+import { addFonts } from "/fonts.js";
 import { Link } from "/link.js";
 import { RiderPage } from "/pages/rider.js";
 import { PinDialog, StaffPages } from "/pages/staff.js";
@@ -99,14 +100,6 @@ function App({ link, listen }) {
       </p>`}
     </div>
   </div>`;
-}
-
-// Names of all glyphs' files, 290 kB: the first drawing does not wait for them.
-function addFonts() {
-  const link = document.createElement("link");
-  link.rel = "stylesheet";
-  link.href = "/vendor/fonts/fonts.css";
-  document.head.append(link);
 }
 
 async function main() {

@@ -72,7 +72,7 @@ class _Wire:
 class _Master:
     """Gives its orders one after the other, each in two messages, and repeats what no state shows.
 
-    cancels: numbers of the orders that it cancels under way. Of two states it believes the one with the greater header.
+    cancels: numbers of the orders that it cancels under way. Of two states it uses the one with the greater header.
     """
 
     def __init__(self, rng: random.Random, orders: int) -> None:

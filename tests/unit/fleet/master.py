@@ -27,21 +27,7 @@ Data = dict[str, Any]
 
 PARAMS = load(FleetParams, "fleet_agent")
 ROBOT = load_robot()
-VEHICLE = Vehicle(
-    version=Version.V2,
-    map_id="yard",
-    map_version="1",
-    docks={name: dock.kind for name, dock in load_docks().docks.items()},
-    max_speed_mps=ROBOT.empty.max_speed_mps,
-    max_yaw_rate_radps=ROBOT.empty.max_yaw_rate_radps,
-    height_m=ROBOT.mast.top_m,
-    start_m=PARAMS.start_m,
-    pass_m=PARAMS.pass_m,
-    pass_rad=PARAMS.pass_rad,
-    stand_m=PARAMS.stand_m,
-    stand_rad=PARAMS.stand_rad,
-    max_actions_per_node=PARAMS.limits.actions_per_node,
-)
+VEHICLE = Vehicle.of(PARAMS, ROBOT, {name: dock.kind for name, dock in load_docks().docks.items()}, "1")
 HEADER: Data = {
     "headerId": 1,
     "timestamp": "2026-05-01T09:30:00.00Z",

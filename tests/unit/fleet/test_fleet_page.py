@@ -1,4 +1,4 @@
-"""The fleet page without a browser: what it is told of a robot, its texts, its server's settings."""
+"""The fleet page without a browser: what it gets of a robot, its texts, its server's settings."""
 
 from __future__ import annotations
 

@@ -2,6 +2,7 @@
 
 import { html, render, useLayoutEffect, useState } from "/vendor/preact-htm.js";
 import { LANGUAGES, known, languageNow, loadTexts, setLanguage, suggestLanguage, t } from "/i18n.js";
+import { addFonts } from "/fonts.js";
 import { Link } from "/link.js";
 import { FleetMap } from "/fleet_map.js";
 
@@ -119,14 +120,6 @@ function App({ link, listen }) {
     </ul>
     </main>
   </div>`;
-}
-
-// Names of all glyphs' files: the first drawing does not wait for them.
-function addFonts() {
-  const link = document.createElement("link");
-  link.rel = "stylesheet";
-  link.href = "/vendor/fonts/fonts.css";
-  document.head.append(link);
 }
 
 async function main() {
