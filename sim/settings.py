@@ -41,6 +41,7 @@ def world_settings(world: str) -> list[str]:
         *(f"{node}.world={world}" for node in WORLDLY),
         f'ndt_localization.map="{name}"',
         f'navigation_controller.map="{name}"',
+        f'mission_manager.map="{name}"',
         f'touch_ui.pages.map="{name}"',
         f'black_box.map="{name}"',
     ]

@@ -50,7 +50,7 @@ _START = "start the stack (robot-stack up --profile robot), then run this again"
 
 def robot_checks() -> tuple[Callable[[], Iterable[Finding]], ...]:
     """In the order of the guide."""
-    return (service_user, unit_files, engine, sensors, level, display, staff_pin, self_test, site_map, docks)
+    return (service_user, unit_files, engine, sensors, level, display, staff_pin, self_test, site_map, docks, zones)
 
 
 # --- 1, 11: computer and service --------------------------------------------------------------------------------------
@@ -309,7 +309,7 @@ def site_map() -> Iterator[Finding]:
 
     used = {
         node: str(read_yaml(config_dir() / f"{node}.yaml").get("map", ""))
-        for node in ("ndt_localization", "navigation_controller", "black_box")
+        for node in ("ndt_localization", "navigation_controller", "mission_manager", "black_box")
     }
     used["touch_ui"] = str(read_yaml(config_dir() / "touch_ui.yaml")["pages"]["map"])
     yield from map_findings(used)
@@ -345,6 +345,39 @@ def docks() -> Iterator[Finding]:
         yield Finding("docks", Level.OK, ", ".join(f"{name} ({dock.kind})" for name, dock in found.items()))
     else:
         yield Finding("docks", Level.BAD, "none", "measure the boards, enter them in config/docks.yaml")
+
+
+def zones() -> Iterator[Finding]:
+    """Docks, safe places and missions, compared with the keepout zones of navigation's map."""
+    from robot_stack.core.config import config_dir, read_yaml
+    from robot_stack.core.docks import DocksFile
+    from robot_stack.core.keepout import keepout_problems, load_keepout, site_keepout_problems
+    from robot_stack.core.mission import aboard_at_start
+    from robot_stack.core.mission_library import MissionError, mission_library
+    from robot_stack.core.robot import load_robot
+    from robot_stack.core.safe_places import SafePlaces
+
+    try:
+        robot, docks_file = load_robot(), load(DocksFile, "docks")
+        keepout = load_keepout(str(read_yaml(config_dir() / "navigation_controller.yaml").get("map", "")), robot)
+        places = load(SafePlaces, "safe_places")
+        found = [f"{where}: {text}" for where, text in site_keepout_problems(docks_file, places, keepout, robot)]
+    except ConfigError as error:
+        yield Finding("zones", Level.BAD, str(error), "docs/navigation.md#zones")
+        return
+    kinds, library = {name: dock.kind for name, dock in docks_file.docks.items()}, mission_library()
+    for mission_id in library.ids():
+        try:
+            mission = library.find(mission_id)
+        except MissionError as error:
+            found.append(str(error))
+            continue
+        found += [text for _, text in keepout_problems(mission, kinds, keepout, aboard_at_start(mission, False))]
+    for text in found:
+        yield Finding("zones", Level.BAD, text, "move the place, or correct zones.geojson; docs/navigation.md#zones")
+    if not found:
+        count = len(keepout.zones)
+        yield Finding("zones", Level.OK, f"{count} keepout zones, no dock, safe place or mission lies in one")
 
 
 # --- the running stack ------------------------------------------------------------------------------------------------

@@ -170,6 +170,15 @@ def ends_carriage(mission: Mission, docks: Mapping[str, str]) -> bool:
     return undocks and not any(docks.get(action.dock_id) == "wheelchair" for action in actions)
 
 
+def aboard_at_start(mission: Mission, attached: bool) -> bool:
+    """Whether a mission begins with a passenger, for ``docking_problem``.
+
+    Its first docking or undocking shows it. attached: at present, of a mission without either.
+    """
+    kinds = [waypoint.action.kind for waypoint in mission.waypoints if waypoint.action.kind in (Kind.DOCK, Kind.UNDOCK)]
+    return kinds[0] is Kind.UNDOCK if kinds else attached
+
+
 def never_dockable(mission: Mission, docks: Mapping[str, str]) -> tuple[int, str] | None:
     """As ``docking_problem``, if it is impossible both with and without a passenger at the start."""
     problem = docking_problem(mission, docks, False)

@@ -10,7 +10,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from robot_stack.core.config import ConfigError, config_dir, read_yaml
-from robot_stack.core.mission import Mission, home_problem, never_dockable
+from robot_stack.core.keepout import Keepout, keepout_problems
+from robot_stack.core.mission import Mission, aboard_at_start, home_problem, never_dockable
 from robot_stack.core.runtime import own_missions_dir
 
 # A longer value is not repeated in a problem.
@@ -76,10 +77,13 @@ def read_mission(path: Path) -> Mission:
     return mission
 
 
-def judge(data: Mapping[str, Any], docks: Mapping[str, str] | None = None) -> tuple[Mission | None, list[Problem]]:
+def judge(
+    data: Mapping[str, Any], docks: Mapping[str, str] | None = None, keepout: Keepout | None = None
+) -> tuple[Mission | None, list[Problem]]:
     """The mission that ``data`` describes, or None, and what is wrong with it.
 
     docks: kind of each dock by its id: if given, a docking that is impossible from any start state is a problem too.
+    keepout: if given too, so are waypoints and a home in the site's keepout zones.
     """
     try:
         mission = Mission.model_validate(data)
@@ -93,11 +97,13 @@ def judge(data: Mapping[str, Any], docks: Mapping[str, str] | None = None) -> tu
     if homeless:
         return None, [Problem(("home", "dock"), "home.dock", homeless)]
     undockable = never_dockable(mission, docks)
-    if undockable is None:
-        return mission, []
-    index, text = undockable
-    field = ("waypoints", index, "action")
-    return None, [Problem(field, _where(field, data), text)]
+    if undockable is not None:
+        index, text = undockable
+        field = ("waypoints", index, "action")
+        return None, [Problem(field, _where(field, data), text)]
+    aboard = aboard_at_start(mission, False)
+    closed = [] if keepout is None else list(keepout_problems(mission, docks, keepout, aboard))
+    return None if closed else mission, [Problem(where, _where(where, data), text) for where, text in closed]
 
 
 def _problem(item: Any, data: Mapping[str, Any]) -> Problem:

@@ -98,6 +98,13 @@ class Zone:
             _cross(ring, flat_x, flat_y, inside)
         return inside.reshape(np.shape(x))
 
+    def overlaps(self, outline: npt.NDArray[np.float64]) -> bool:
+        """Whether the zone and a convex polygon have a point in common. outline: (n, 2) corners in order, m, map."""
+        if self.contains(outline[:, 0], outline[:, 1]).any():
+            return True
+        closed = np.vstack((outline, outline[:1]))
+        return any(_meet(ring, closed) for ring in self.rings)
+
     def cells(self, grid: Grid) -> npt.NDArray[np.bool_]:
         """(rows, columns) cells of the grid whose middle is inside."""
         rows, columns = grid.occupancy.shape
@@ -116,6 +123,26 @@ class Zone:
             on = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
             inside[row[on], column[on]] = True
         return inside
+
+
+def _meet(ring: npt.NDArray[np.float64], outline: npt.NDArray[np.float64]) -> bool:
+    """Whether a ring passes through a convex polygon or lies within it; both closed, (n, 2)."""
+    inside = Zone("", ZoneType.KEEPOUT, (outline,), np.inf).contains(ring[:, 0], ring[:, 1])
+    if inside.any():
+        return True
+    a, b = ring[:-1, None], ring[1:, None]
+    c, d = outline[None, :-1], outline[None, 1:]
+    apart = (_side(a, b, c) * _side(a, b, d) > 0.0) | (_side(c, d, a) * _side(c, d, b) > 0.0)
+    parallel = _side(a, b, c) == _side(a, b, d)
+    return bool((~apart & ~parallel).any())
+
+
+def _side(
+    a: npt.NDArray[np.float64], b: npt.NDArray[np.float64], p: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Positive for points p to the left of the line from a to b; all (..., 2), broadcast."""
+    u, v = b - a, p - a
+    return u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0]
 
 
 @compiled

@@ -16,7 +16,16 @@ from robot_stack.contract.states import DOCKING, DockingState, HeldBy
 from robot_stack.core.departure import SETTING_OUT, Departure, DepartureParams
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.goals import NAVIGATION, NavigationGoals
-from robot_stack.core.mission import Kind, Mission, docking_problem, ends_carriage, home_problem, never_dockable
+from robot_stack.core.keepout import Keepout, keepout_problems
+from robot_stack.core.mission import (
+    Kind,
+    Mission,
+    aboard_at_start,
+    docking_problem,
+    ends_carriage,
+    home_problem,
+    never_dockable,
+)
 from robot_stack.core.safe_places import SafePlace, SafePlaces
 from robot_stack.mission import display, docking, guards, orders, own_route, route, status
 from robot_stack.mission import events as ev
@@ -87,7 +96,8 @@ class MissionKernel:
     params: tolerances and times. departure: of the warning before the robot sets out.
     record: the record from the journal; an active mission is restored as PAUSED.
     problem: error of the journal, shown as the reason in /mission/status.
-    docks: kind of each dock by its id. safe_places: where it goes if the battery becomes critical.
+    docks: kind of each dock by its id. safe_places: where it goes if the battery becomes critical; those in a keepout
+    zone are not used. keepout: the site's zones, in which no waypoint may lie; None: no zones.
     """
 
     def __init__(
@@ -98,10 +108,15 @@ class MissionKernel:
         problem: str = "",
         docks: Mapping[str, str] | None = None,
         safe_places: SafePlaces | None = None,
+        keepout: Keepout | None = None,
     ) -> None:
         self._params = params
         self._docks = docks or {}
-        self._safe_places = safe_places or SafePlaces(places=())
+        self._keepout = keepout
+        places = safe_places.places if safe_places is not None else ()
+        if keepout is not None:
+            places = tuple(place for place in places if not keepout.zone_at(place.pose, chair=True))
+        self._safe_places = SafePlaces(places=places)
         self._calls = DockingCalls(params)
         self._navigation = NavigationGoals(params.goal_retry_s)
         self._planned_s = 0.0  # for which navigation has had a plan while the robot should stand
@@ -230,8 +245,17 @@ class MissionKernel:
             return self._refuse(str(refusal))
 
     def _may_not_start(self, mission: Mission, inputs: Inputs) -> str:
-        undockable = docking_problem(mission, self._docks, self._record.passenger_attached)
-        return undockable[1] if undockable else home_problem(mission, self._docks) or self._may_not_go(inputs)
+        aboard = self._record.passenger_attached
+        undockable = docking_problem(mission, self._docks, aboard)
+        if undockable:
+            return undockable[1]
+        return home_problem(mission, self._docks) or self._closed(mission, aboard) or self._may_not_go(inputs)
+
+    def _closed(self, mission: Mission, aboard: bool) -> str:
+        """Why a keepout zone excludes the route, else an empty text. aboard: a passenger, at the start."""
+        if self._keepout is None:
+            return ""
+        return next((text for _, text in keepout_problems(mission, self._docks, self._keepout, aboard)), "")
 
     def _begin(
         self, trigger: Trigger, mission: Mission, inputs: Inputs, order: Order | None = None
@@ -441,9 +465,14 @@ class MissionKernel:
 
     def _check_own_route(self, order: Order) -> None:
         """Raises QueueRefusal for a route that cannot be driven; a mission file is checked at its start."""
-        undockable = never_dockable(order.mission, self._docks) if order.route and order.mission else None
+        if not order.route or order.mission is None:
+            return
+        undockable = never_dockable(order.mission, self._docks)
         if undockable is not None:
             raise QueueRefusal(undockable[1])
+        closed = self._closed(order.mission, aboard_at_start(order.mission, False))
+        if closed:
+            raise QueueRefusal(closed)
 
     def _edited_by_origin(self, request: EditQueue, inputs: Inputs) -> tuple[Effect, ...]:
         """A change of an order by its giver."""
@@ -477,10 +506,11 @@ class MissionKernel:
             changed = replace(changed, mission=longer)
             self._check_own_route(changed)
             return self._save_queue(self._record.queue.with_changed(changed))
-        aboard = own_route.aboard_at_start(mission, self._record.passenger_attached)
+        aboard = aboard_at_start(mission, self._record.passenger_attached)
         undockable = docking_problem(longer, self._docks, aboard)
-        if undockable is not None:
-            raise QueueRefusal(undockable[1])
+        problem = undockable[1] if undockable is not None else self._closed(longer, aboard)
+        if problem:
+            raise QueueRefusal(problem)
         queue = self._record.queue.with_changed(changed)
         return self._go_further(replace(self._record, mission=longer, queue=queue), inputs)
 

@@ -95,15 +95,6 @@ def extended(mission: Mission, first: int, part: tuple[Waypoint, ...]) -> Missio
     return _ending(mission.model_copy(update={"waypoints": (*have, *new)}))
 
 
-def aboard_at_start(mission: Mission, attached: bool) -> bool:
-    """Whether the mission under way began with a passenger, for ``docking_problem``.
-
-    Its first docking or undocking shows it; without one nothing has changed since. attached: at present.
-    """
-    kinds = [waypoint.action.kind for waypoint in mission.waypoints if waypoint.action.kind in (Kind.DOCK, Kind.UNDOCK)]
-    return kinds[0] is Kind.UNDOCK if kinds else attached
-
-
 def _ending(mission: Mission) -> Mission:
     last = mission.waypoints[-1]
     return mission.model_copy(update={"home": Home(x=last.x, y=last.y, yaw=last.yaw)})

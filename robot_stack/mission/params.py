@@ -41,6 +41,7 @@ class MissionParams(Config):
     home_radius_m: Positive
     language: Literal["en", "ja", "zh"]
     ehmi_volume: Annotated[int, Field(ge=0, le=10)]
+    map: str
     missions_folder: str
     own_missions_folder: str
     journal_file: str

@@ -146,7 +146,9 @@ def _scenario(case: Case, folder: Path) -> Scenario:
         path.write_text(yaml.safe_dump(content), encoding="utf-8")
         world = str(path)
         # The box is not in the site's map.
-        settings = [f'{name}.map="{_WORLD}"' for name in ("ndt_localization", "navigation_controller")]
+        settings = [
+            f'{name}.map="{_WORLD}"' for name in ("ndt_localization", "navigation_controller", "mission_manager")
+        ]
     standing = load_world(_WORLD).wheelchair
     assert standing is not None
     settings += pose_settings("sim_world.wheelchair", standing.pose().compose(case.chair))

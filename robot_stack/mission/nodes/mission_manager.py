@@ -14,6 +14,7 @@ from robot_stack.contract.display import Display
 from robot_stack.core.config import load
 from robot_stack.core.departure import DepartureParams
 from robot_stack.core.docks import load_docks
+from robot_stack.core.keepout import load_keepout
 from robot_stack.core.mission_library import mission_library
 from robot_stack.core.navigation_waits import load_navigation_waits
 from robot_stack.core.safe_places import SafePlaces
@@ -62,6 +63,7 @@ class MissionManagerNode(StackNode):
             problem,
             docks,
             load(SafePlaces, "safe_places"),
+            load_keepout(self.params.map, self.robot),
         )
         self._performer = Performer(self._kernel, self._journal, self._outputs)
         self._performer.start_up(self._inputs(), self.steady_s())

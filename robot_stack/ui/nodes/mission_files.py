@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from robot_stack.core.docks import Dock
+from robot_stack.core.keepout import Keepout
 from robot_stack.core.mission import Kind, Mission
 from robot_stack.core.mission_library import MissionError, MissionLibrary, Problem, judge, read_mission
 from robot_stack.core.own_missions import MissionChanged, MissionTaken, OwnMissions, revision_of
@@ -40,15 +41,15 @@ class EditAnswer:
 
 
 class MissionFiles:
-    """library: the shipped missions, then those made on this robot. docks: by their ids.
+    """library: the shipped missions, then those made on this robot. docks: by their ids. keepout: of the site.
 
     Files are read again when one has changed.
     """
 
-    def __init__(self, library: MissionLibrary, docks: Mapping[str, Dock]) -> None:
+    def __init__(self, library: MissionLibrary, docks: Mapping[str, Dock], keepout: Keepout | None = None) -> None:
         shipped, own = library.folders
         self._library, self._own = library, OwnMissions(own, shipped)
-        self._docks = docks
+        self._docks, self._keepout = docks, keepout
         self._kinds = {name: dock.kind for name, dock in docks.items()}
         self._seen: list[tuple[Path, int]] = []
         self._found: list[tuple[Path, Mission | None, str]] = []
@@ -75,7 +76,7 @@ class MissionFiles:
             if isinstance(message, p.DeleteMission):
                 self._own.delete(message.mission, message.revision)
                 return EditAnswer()
-            mission, problems = judge(message.mission, self._kinds)
+            mission, problems = judge(message.mission, self._kinds, self._keepout)
             if mission is None:
                 return EditAnswer(INVALID, problems=tuple(problems))
             if isinstance(message, p.SaveMission):

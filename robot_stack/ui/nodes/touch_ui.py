@@ -5,6 +5,7 @@ from __future__ import annotations
 from robot_stack.contract import topics
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Twist2
+from robot_stack.core.keepout import load_keepout
 from robot_stack.core.mission_library import mission_library
 from robot_stack.core.runtime import tell_touch_screen
 from robot_stack.middleware.node import StackNode, run
@@ -37,7 +38,7 @@ class TouchUiNode(StackNode):
         self._audit = AuditFile(pages.history_entries)
         site = Site(self.params, self.robot.footprint)
         library = mission_library(pages.missions_folder, pages.own_missions_folder)
-        missions = MissionFiles(library, load_docks().docks)
+        missions = MissionFiles(library, load_docks().docks, load_keepout(pages.map, self.robot))
         self._outputs = Outputs(self)
         self._hub = self.device(Hub, self.params, self, self.monotonic_s)
         layers = Layers(self, pages, lambda: self._hub.awaited, self._send_frame)

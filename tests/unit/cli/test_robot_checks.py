@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import shutil
 import time
@@ -183,6 +184,30 @@ def test_docks_are_named(config: Path) -> None:
     assert (finding.level, finding.what) == (Level.OK, "chair_1 (wheelchair), charger (charger)")
     (config / "docks.yaml").write_text("docks: 5\n")
     assert levels(list(robot_checks.docks()), "docks") == [Level.BAD]
+
+
+def test_places_in_keepout_zones_are_named(config: Path) -> None:
+    (finding,) = robot_checks.zones()
+    assert (finding.level, finding.what[:14]) == (Level.OK, "0 keepout zone")
+    ring = [[2.5, 0.3], [3.5, 0.3], [3.5, 1.3], [2.5, 1.3], [2.5, 0.3]]
+    lawn = {
+        "type": "Feature",
+        "properties": {"name": "lawn", "type": "keepout"},
+        "geometry": {"type": "Polygon", "coordinates": [ring]},
+    }
+    zones_file = config / "maps" / "yard" / "zones.geojson"
+    zones_file.write_text(json.dumps({"type": "FeatureCollection", "features": [lawn]}))
+    set_in(config / "safe_places.yaml", "places", value=[{"name": "porch", "x": 3.0, "y": 0.5, "yaw": 0.0}])
+    found = list(robot_checks.zones())
+    assert levels(found, "zones") == [Level.BAD] * len(found)
+    text = "\n".join(item.what for item in found)
+    assert "the safe place 'porch': the footprint with a wheelchair lies in the keepout zone 'lawn'" in text
+    assert "waypoint 'stop' of 'short_hop': the footprint lies in the keepout zone 'lawn'" in text
+    assert "chair_1" not in text
+    zones_file.write_text("{}")
+    (finding,) = robot_checks.zones()
+    assert finding.level is Level.BAD
+    assert "zones.geojson" in finding.what
 
 
 def test_what_needs_a_running_stack_is_not_called_good_without_one(config: Path, ros_domain: int) -> None:

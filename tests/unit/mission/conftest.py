@@ -88,10 +88,12 @@ class MemoryJournal:
 class Story:
     """One mission manager in fake time. Methods that change something return the story."""
 
-    def __init__(self, params: MissionParams, record: Record | None = None, problem: str = "", safe_places=()) -> None:
+    def __init__(
+        self, params: MissionParams, record: Record | None = None, problem: str = "", safe_places=(), keepout=None
+    ) -> None:
         self.params = params
         self.journal = MemoryJournal(record)
-        self.kernel = MissionKernel(params, DEPARTURE, record, problem, DOCKS, SafePlaces(places=safe_places))
+        self.kernel = MissionKernel(params, DEPARTURE, record, problem, DOCKS, SafePlaces(places=safe_places), keepout)
         self.performer = Performer(self.kernel, self.journal, self)
         self.now_s = 1000.0
         self.inputs = ev.Inputs(
