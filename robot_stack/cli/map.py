@@ -80,6 +80,7 @@ def show(
         typer.echo(line)
     for zone in zones:
         limit = f", {zone.speed_mps:g} m/s" if math.isfinite(zone.speed_mps) else ""
+        limit += "" if math.isnan(zone.heading_rad) else f", {math.degrees(zone.heading_rad):g} deg"
         area_m2 = float(zone.cells(site.grid).sum()) * site.grid.resolution_m**2
         typer.echo(f"zone {zone.name}: {zone.type.value}{limit}, {area_m2:.1f} m2 of the map")
     if picture is not None:

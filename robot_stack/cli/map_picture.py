@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ _WALL_FROM_M = 0.1
 Places = npt.NDArray[np.float64]
 
 
-_ZONE_COLOURS = {ZoneType.KEEPOUT: "tab:red", ZoneType.SPEED: "tab:blue"}
+_ZONE_COLOURS = {ZoneType.KEEPOUT: "tab:red", ZoneType.SPEED: "tab:blue", ZoneType.ONE_WAY: "tab:green"}
 
 
 def draw_map(
@@ -57,6 +58,9 @@ def draw_map(
         colour = _ZONE_COLOURS[zone.type]
         for ring in zone.rings:
             axes.plot(ring[:, 0], ring[:, 1], color=colour, linewidth=1.6)
+        if zone.type is ZoneType.ONE_WAY:
+            x, y = zone.rings[0][:-1].mean(axis=0)
+            axes.quiver(x, y, math.cos(zone.heading_rad), math.sin(zone.heading_rad), color=colour, angles="xy")
         axes.annotate(zone.name, zone.rings[0].mean(axis=0), color=colour, ha="center", va="center")
     axes.set(xlabel="x in map, m", ylabel="y in map, m", aspect="equal")
     axes.set(xlim=(grid.origin_x_m, grid.origin_x_m + width_m), ylim=(grid.origin_y_m, grid.origin_y_m + height_m))

@@ -2,7 +2,8 @@
 
 A GeoJSON FeatureCollection of Polygons, also with holes, in the map frame; coordinates x, y in m. Properties:
     name     for people, unique
-    type     keepout: the footprint stays outside; speed: at most speed_limit_mps inside
+    type     keepout: the footprint stays outside; speed: at most speed_limit_mps inside; one_way: base_link moves
+             along heading_deg inside, counter-clockwise from x of map, and not against it
 Zones are rules of the site, not obstacles: localization, the costmap and the safety monitor do not use them.
 """
 
@@ -31,6 +32,7 @@ ZONES_FILE = "zones.geojson"
 class ZoneType(StrEnum):
     KEEPOUT = "keepout"
     SPEED = "speed"
+    ONE_WAY = "one_way"
 
 
 class _Properties(Config):
@@ -38,11 +40,18 @@ class _Properties(Config):
     type: ZoneType
     # Slower than the slowest useful speed is a zone to keep out of.
     speed_limit_mps: Annotated[float, Field(ge=0.1, le=10.0)] | None = None
+    heading_deg: Annotated[float, Field(ge=-360.0, le=360.0)] | None = None
 
     @model_validator(mode="after")
     def _limit_of_speed_zones(self) -> _Properties:
         if (self.type is ZoneType.SPEED) != (self.speed_limit_mps is not None):
             raise ValueError("speed_limit_mps belongs to zones of type speed, and each of them needs it")
+        return self
+
+    @model_validator(mode="after")
+    def _heading_of_one_way_zones(self) -> _Properties:
+        if (self.type is ZoneType.ONE_WAY) != (self.heading_deg is not None):
+            raise ValueError("heading_deg belongs to zones of type one_way, and each of them needs it")
         return self
 
 
@@ -83,12 +92,16 @@ class _Collection(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Zone:
-    """rings: (n, 2) m, map, closed; the first is the outline, the others are holes. speed_mps: infinite for keepout."""
+    """rings: (n, 2) m, map, closed; the first is the outline, the others are holes.
+
+    speed_mps: infinite without a limit. heading_rad: in map, of a one-way zone, else NaN.
+    """
 
     name: str
     type: ZoneType
     rings: tuple[npt.NDArray[np.float64], ...]
     speed_mps: float
+    heading_rad: float = math.nan
 
     def contains(self, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
         """Mask of the points inside; even-odd rule. x, y: same shape, m, map."""
@@ -181,6 +194,7 @@ def read_zones(path: Path) -> tuple[Zone, ...]:
             type=feature.properties.type,
             rings=tuple(np.array(ring, np.float64) for ring in feature.geometry.coordinates),
             speed_mps=feature.properties.speed_limit_mps or np.inf,
+            heading_rad=math.nan if (deg := feature.properties.heading_deg) is None else math.radians(deg),
         )
         for feature in found.features
     )

@@ -125,6 +125,7 @@ class GlobalPlanner:
             np.array(cells, np.int64).reshape(-1, 3),
             math.ceil(p.escape_m / coarse_m),
             self._flood_cells,
+            grid.courses,
             self._stop.flag,
         )
         if not len(found):
@@ -135,9 +136,9 @@ class GlobalPlanner:
             points = np.array([(start.x, start.y), (goal.x, goal.y)])
         place = grid.resolution_m, grid.x_m, grid.y_m
         cost = radius_m, prefer_m, p.near_cost, p.unknown_cost
-        points = straighten(field, grid.unknown, *place, points, *cost, _LINE_STEPS)
+        points = straighten(field, grid.unknown, *place, points, *cost, grid.courses, _LINE_STEPS)
         points = _evenly(points, _HEADING_STEP_M)
-        return relax(field, *place, points, radius_m, p.rounding)
+        return relax(field, *place, points, radius_m, p.rounding, grid.courses)
 
     # --- headings ----------------------------------------------------------------------------------------------------
 

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robot_stack.core.compiled import compiled
+from robot_stack.navigation.one_way import Courses, coarse_courses, course_of, permits
 
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
@@ -180,12 +181,14 @@ def astar(
     blocked: npt.NDArray[np.int64],
     escape_cells: int,
     flood_cells: int,
+    courses: Courses,
     stop: npt.NDArray[np.bool_],
 ) -> npt.NDArray[np.int64]:
     """(n, 2) coarse cells (row, column) from start to goal, empty if there is no way, or if it was stopped.
 
     weight: of the octile heuristic, >= 1. blocked: (m, 3) discs of coarse cells (row, column, radius) that are closed.
     escape_cells: within this distance of the start any cell may be entered, at a high cost, to leave a tight spot.
+    courses: permitted in each cell; a step needs both cells to permit it, except within escape_cells of the start.
 
     A flood from the goal runs beside a search without progress; its first flood_cells are expanded in any case. If
     it ends without meeting the search, there is no way: this is found after the smaller of the two regions
@@ -197,6 +200,8 @@ def astar(
     g = np.full(rows * columns, np.inf)  # in single precision a rounded cost could be improved for ever
     parent = np.full(rows * columns, -1, np.int32)
     near = (radius_m, prefer_m, near_cost, unknown_cost)
+    ways = coarse_courses(courses, factor)
+    one_way = ways.shape[0] > 0
     _close_discs(cost, rows, columns, blocked)
     first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
     g[first] = 0.0
@@ -259,6 +264,12 @@ def astar(
                     entering = _enter_cost(cost, field, unknown, factor, r, c, near, start, escape_cells)
                 if entering < 0.0:
                     continue
+                if one_way:
+                    course = course_of(j, i)
+                    if not (permits(ways, row, column, course) and permits(ways, r, c, course)):
+                        if max(abs(r - start[0]), abs(c - start[1])) > escape_cells:
+                            continue
+                        entering = _ESCAPE_COST
                 total = g[here] + step * entering
                 if total < g[there] - 1e-6:
                     g[there] = total
@@ -282,9 +293,11 @@ def line_cost(
     prefer_m: float,
     near_cost: float,
     unknown_cost: float,
+    courses: Courses,
 ) -> float:
-    """Cost of the straight line from a to b, metres times cost per metre; negative if it is not clear."""
+    """Cost of the straight line from a to b, metres times cost per metre; negative if not clear, or not permitted."""
     length = math.hypot(b[0] - a[0], b[1] - a[1])
+    course = course_of(b[0] - a[0], b[1] - a[1])
     steps = max(1, math.ceil(length / resolution_m))
     total = 0.0
     for i in range(steps):
@@ -292,6 +305,8 @@ def line_cost(
         c = math.floor((a[0] + t * (b[0] - a[0]) - ox) / resolution_m)
         r = math.floor((a[1] + t * (b[1] - a[1]) - oy) / resolution_m)
         if r < 0 or c < 0 or r >= field.shape[0] or c >= field.shape[1]:
+            return -1.0
+        if not permits(courses, r, c, course):
             return -1.0
         cost = _cell_cost(float(field[r, c]), unknown[r, c], radius_m, prefer_m, near_cost, unknown_cost)
         if cost < 0.0:
@@ -312,6 +327,7 @@ def straighten(
     prefer_m: float,
     near_cost: float,
     unknown_cost: float,
+    courses: Courses,
     longest: int,
 ) -> Floats:
     """(m, 2) points with straight lines wherever one is clear and costs no more than the steps it replaces.
@@ -328,14 +344,14 @@ def straighten(
         while j < n and j - anchor <= longest:
             step = line_cost(
                 field, unknown, resolution_m, ox, oy, points[j - 1], points[j],
-                radius_m, prefer_m, near_cost, unknown_cost,
+                radius_m, prefer_m, near_cost, unknown_cost, courses,
             )  # fmt: skip
             if step < 0.0:
                 break
             along += step
             line = line_cost(
                 field, unknown, resolution_m, ox, oy, points[anchor], points[j],
-                radius_m, prefer_m, near_cost, unknown_cost,
+                radius_m, prefer_m, near_cost, unknown_cost, courses,
             )  # fmt: skip
             if 0.0 <= line <= along * 1.001 + 1e-9:
                 best, misses = j, 0
@@ -354,17 +370,36 @@ def straighten(
 
 
 @compiled(nogil=True)
+def line_permits(courses: Courses, resolution_m: float, ox: float, oy: float, a: Floats, b: Floats) -> bool:
+    """Whether the cells on the straight line from a to b permit its course."""
+    if courses.shape[0] == 0 or (a[0] == b[0] and a[1] == b[1]):
+        return True
+    course = course_of(b[0] - a[0], b[1] - a[1])
+    steps = max(1, math.ceil(math.hypot(b[0] - a[0], b[1] - a[1]) / resolution_m))
+    for i in range(steps + 1):
+        x, y = a[0] + (b[0] - a[0]) * i / steps, a[1] + (b[1] - a[1]) * i / steps
+        if not permits(courses, math.floor((y - oy) / resolution_m), math.floor((x - ox) / resolution_m), course):
+            return False
+    return True
+
+
+@compiled(nogil=True)
 def relax(
-    field: Singles, resolution_m: float, ox: float, oy: float, points: Floats, radius_m: float, rounds: int
-) -> Floats:
-    """Rounds the corners of (n, 2) points: each moves to its neighbours' middle where that stays clear; ends stay."""
+    field: Singles, resolution_m: float, ox: float, oy: float, points: Floats, radius_m: float, rounds: int,
+    courses: Courses,
+) -> Floats:  # fmt: skip
+    """Rounds the corners of (n, 2) points: each moves to its neighbours' middle where that stays clear; ends stay.
+
+    No point moves where the courses from and to its neighbours are not permitted.
+    """
     out = points.copy()
     for _ in range(rounds):
         for i in range(1, len(out) - 1):
             x, y = 0.5 * (out[i - 1, 0] + out[i + 1, 0]), 0.5 * (out[i - 1, 1] + out[i + 1, 1])
             here = clearance_at(field, resolution_m, ox, oy, out[i, 0], out[i, 1])
             there = clearance_at(field, resolution_m, ox, oy, x, y)
-            if there >= radius_m and (there >= here - resolution_m or there > 2.0 * radius_m):
+            clear = there >= radius_m and (there >= here - resolution_m or there > 2.0 * radius_m)
+            if clear and line_permits(courses, resolution_m, ox, oy, out[i - 1], out[i + 1]):
                 out[i, 0], out[i, 1] = x, y
     return out
 

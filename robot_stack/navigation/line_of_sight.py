@@ -34,6 +34,7 @@ def is_direct(
 ) -> bool:
     """Whether the rest of the motion from ``from_s`` on is clear of obstacles and people.
 
+    Against one-way zones, only a motion of ``one_way.back_m`` at most is clear.
     entering: the motion has not begun; this requires more clearance and a heading along the motion.
     """
     if around.free_space:
@@ -45,6 +46,8 @@ def is_direct(
         return False
     clear = around.clearance_m(footprint, poses)
     if clear[-1] < _OCCUPIED_M:
+        return False
+    if left[0] > params.one_way.back_m and around.against_m(poses) > 0.0:
         return False
     # A goal near to an obstacle reduces the required clearance.
     near_m = min(f.direct_end_margin_m, float(clear[-1]) - 0.02)

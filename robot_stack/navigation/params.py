@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated
 
 from pydantic import Field, model_validator
@@ -111,6 +112,13 @@ class PlannerParams(Config):
     open_pad_m: Positive
     open_resolution_m: Positive
     memory_s: Positive
+
+
+class OneWayParams(Config):
+    """Motion in the site's one-way zones. tolerance_rad: a course farther off the zone's heading is against it."""
+
+    tolerance_rad: Annotated[float, Field(gt=0.5 * math.pi, lt=math.pi)]
+    back_m: Positive
 
 
 class LocalParams(Config):
@@ -262,9 +270,16 @@ class NavigationParams(Config):
     tracking: TrackingParams
     pose: PoseParams
     planner: PlannerParams
+    one_way: OneWayParams
     local: LocalParams
     speed_limits: SpeedLimitParams
     people: PeopleParams
     give_way: GiveWayParams
     passage: PassageParams
     follow: FollowParams
+
+    @model_validator(mode="after")
+    def _planned_recovery_may_be_driven(self) -> NavigationParams:
+        if self.one_way.back_m < self.planner.escape_m:
+            raise ValueError("one_way.back_m must not be below planner.escape_m")
+        return self

@@ -12,6 +12,7 @@ from robot_stack.core.distance_field import clearance_field
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.site_map import OCCUPIED, UNKNOWN, Grid
 from robot_stack.navigation.grid_kernels import Singles, clearances
+from robot_stack.navigation.one_way import FREE_COURSES, Courses
 
 Array = npt.NDArray[np.float64]
 # Largest clearance computed; also the radius in which a seen obstacle changes it.
@@ -23,12 +24,13 @@ class PlanningGrid:
     """Clearances of a grid in map. field: (rows, columns) metres; unknown: (rows, columns).
 
     bounded: nothing is passable outside the grid; False for the substitute grid of a site without a map.
+    courses: that the site's one-way zones permit in each cell.
     """
 
-    def __init__(self, grid: Grid, *, bounded: bool = True) -> None:
+    def __init__(self, grid: Grid, *, bounded: bool = True, courses: Courses = FREE_COURSES) -> None:
         self.resolution_m = grid.resolution_m
         self.x_m, self.y_m = grid.origin_x_m, grid.origin_y_m
-        self.bounded = bounded
+        self.bounded, self.courses = bounded, courses
         self.unknown = np.ascontiguousarray(grid.occupancy == UNKNOWN)
         self.known_field: Singles = clearance_field(grid.occupancy == OCCUPIED, grid.resolution_m, FAR_M)
         self.field = self.known_field

@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from robot_stack.core.compiled import compiled
 from robot_stack.navigation.grid_kernels import CLOSED, TIGHT, Rooms
+from robot_stack.navigation.one_way import Courses, course_of, permits
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
@@ -66,13 +67,16 @@ def search_poses(
     turn_cost_m_per_rad: float,
     tight_cost: float,
     weight: float,
+    courses: Courses,
+    escape_cells: int,
     stop: npt.NDArray[np.bool_],
 ) -> Ints:
     """(n, 3) row, column, heading from start to goal, empty if there is no way, or if ``stop``, (1,), was set.
 
     room: (rows, columns, headings) of ``heading_room``, heading k is k * 2 pi / headings. cost: (rows, columns) per
     metre, >= 1. goal: a heading of -1 is any. Driving sideways or backwards costs up to three times as much, a step to
-    a tight pose 1 + tight_cost times. weight: of the heuristic, >= 1.
+    a tight pose 1 + tight_cost times. weight: of the heuristic, >= 1. courses: permitted in each cell, beyond
+    escape_cells of the start.
     """
     rows, columns, bins = room.shape
     unit = 2.0 * math.pi / bins
@@ -104,6 +108,10 @@ def search_poses(
                 r, c = row + _ROWS[move], column + _COLUMNS[move]
                 if r < 0 or c < 0 or r >= rows or c >= columns:
                     continue
+                if max(abs(r - start[0]), abs(c - start[1])) > escape_cells:
+                    course = course_of(_COLUMNS[move], _ROWS[move])
+                    if not (permits(courses, row, column, course) and permits(courses, r, c, course)):
+                        continue
                 sideways = 1.0 - math.cos(k * unit - math.atan2(_ROWS[move], _COLUMNS[move]))
                 step = cell_m * math.hypot(_ROWS[move], _COLUMNS[move]) * (cost[r, c] + sideways)
             else:

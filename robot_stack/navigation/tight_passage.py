@@ -12,7 +12,8 @@ from robot_stack.core.geometry import wrap_angle
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.footprint import inner_m, outline, reach_m
-from robot_stack.navigation.grid_kernels import CLOSED, EASY, Rooms, clearances, heading_room
+from robot_stack.navigation.grid_kernels import CLOSED, EASY, Rooms, clearances, heading_room, line_permits
+from robot_stack.navigation.one_way import ALL_COURSES, FREE_COURSES, Courses
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.pose_search import search_poses
@@ -26,12 +27,13 @@ LEAVING_M = 0.02
 
 @dataclass(frozen=True, slots=True)
 class _Window:
-    """A piece of the grid: south-west corner (m), cells, room of their headings and the cost of each cell."""
+    """A piece of the grid: south-west corner (m), cells, room of their headings, cost and courses of each cell."""
 
     x_m: float
     y_m: float
     room: Rooms
     cost: Array
+    courses: Courses
 
     def cell(self, pose: Array) -> tuple[int, int]:
         rows, columns = self.cost.shape
@@ -96,6 +98,8 @@ def _searched(
         params.turn_cost_m_per_rad,
         params.near_cost,
         params.heuristic_weight,
+        window.courses,
+        math.ceil(params.escape_m / _STEP_M),
         stop.flag,
     )
 
@@ -134,8 +138,23 @@ def _window(
     if not params.unknown_is_passable:
         room[_unknown(grid, middles)] = CLOSED
     return _Window(
-        float(low[0]), float(low[1]), room.reshape(rows, columns, -1), np.ascontiguousarray(cost.reshape(rows, columns))
+        float(low[0]),
+        float(low[1]),
+        room.reshape(rows, columns, -1),
+        np.ascontiguousarray(cost.reshape(rows, columns)),
+        _courses(grid, middles, (rows, columns)),
     )
+
+
+def _courses(grid: PlanningGrid, points: Array, shape: tuple[int, int]) -> Courses:
+    """The courses permitted at (n, 2) points, as (rows, columns)."""
+    if not grid.courses.size:
+        return FREE_COURSES
+    column, row = np.floor((points - (grid.x_m, grid.y_m)) / grid.resolution_m).astype(np.int64).T
+    inside = (row >= 0) & (column >= 0) & (row < grid.courses.shape[0]) & (column < grid.courses.shape[1])
+    found = np.full(len(points), ALL_COURSES, np.int64)
+    found[inside] = grid.courses[row[inside], column[inside]]
+    return found.reshape(shape)
 
 
 def _unknown(grid: PlanningGrid, points: Array) -> npt.NDArray[np.bool_]:
@@ -176,4 +195,6 @@ def _line(a: Array, b: Array) -> Array:
 
 
 def _clear(grid: PlanningGrid, edge: Array, a: Array, b: Array, margin_m: float) -> bool:
+    if not line_permits(grid.courses, grid.resolution_m, grid.x_m, grid.y_m, a, b):
+        return False
     return bool(np.all(grid.clearance_m(edge, _line(a, b)[1:-1]) >= margin_m))

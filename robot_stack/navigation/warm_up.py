@@ -20,6 +20,7 @@ from robot_stack.navigation.tight_passage import passage
 from robot_stack.navigation.yielding import way_out
 
 _CELLS, _RESOLUTION_M = 200, 0.05
+_CORNER = np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 0.0)])
 
 
 def warm_up() -> None:
@@ -37,7 +38,10 @@ def warm_up() -> None:
         "map",
         Departure(load(DepartureParams, "departure"), announced=True),
         Grid(0.1, 0.0, 0.0, occupancy),
-        zones=(Zone("ward", ZoneType.SPEED, (np.array([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 0.0)]),), 1.0),),
+        zones=(
+            Zone("ward", ZoneType.SPEED, (_CORNER,), 1.0),
+            Zone("lane", ZoneType.ONE_WAY, (_CORNER,), np.inf, 0.0),
+        ),
     )
     start = Pose2(2.0, 5.0, 0.0)
     located = Located(start, ZERO_TWIST)

@@ -17,6 +17,7 @@ from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.global_planner import goal_problem
 from robot_stack.navigation.goal import GoalCode, Refusal
 from robot_stack.navigation.local_map import LETHAL, LocalMap, costmap_problem, local_map
+from robot_stack.navigation.one_way import FREE_COURSES, against_m, permitted
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.people import PeopleTracker, Person
 from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid
@@ -42,13 +43,15 @@ class WorldModel:
 
     def __init__(self, params: NavigationParams, grid: Grid | None, zones: tuple[Zone, ...] = ()) -> None:
         self._params = params
-        self._mapped = self.grid = None if grid is None else PlanningGrid(grid)
+        courses = FREE_COURSES if grid is None else permitted(zones, grid, params.one_way.tolerance_rad)
+        self._mapped = self.grid = None if grid is None else PlanningGrid(grid, courses=courses)
         self._zones = zones
         closed = [zone for zone in zones if zone.type is ZoneType.KEEPOUT]
         self._closed: Grid | None = None  # occupied in keepout zones only
         if grid is not None and closed:
             occupied = np.any([zone.touched(grid) for zone in closed], axis=0)
-            self.grid = PlanningGrid(replace(grid, occupancy=np.where(occupied, np.int8(OCCUPIED), grid.occupancy)))
+            with_closed = replace(grid, occupancy=np.where(occupied, np.int8(OCCUPIED), grid.occupancy))
+            self.grid = PlanningGrid(with_closed, courses=courses)
             self._closed = replace(grid, occupancy=np.where(occupied, np.int8(OCCUPIED), np.int8(FREE)))
         self.local: LocalMap | None = None
         self.costmaps = 0
@@ -148,6 +151,24 @@ class WorldModel:
                 inside = zone.contains(poses[:, 0], poses[:, 1])
                 speeds = np.where(inside, np.minimum(speeds, zone.speed_mps), speeds)
         return speeds
+
+    def against_m(self, poses: Array) -> float:
+        """Length of the motion along (n, 3) poses in map that is against one-way zones, m."""
+        return against_m(self._zones, poses[:, :2], self._params.one_way.tolerance_rad)
+
+    def along_mps(self, pose: Pose2, twist: Twist2) -> float | None:
+        """Speed along the one-way zones at the robot, negative against them, the least of several; None outside.
+
+        pose: in map. twist: base_link.
+        """
+        at_x, at_y = np.array([pose.x]), np.array([pose.y])
+        speed_mps, course = twist.speed(), pose.yaw + math.atan2(twist.vy, twist.vx)
+        speeds = [
+            speed_mps * math.cos(course - zone.heading_rad)
+            for zone in self._zones
+            if zone.type is ZoneType.ONE_WAY and zone.contains(at_x, at_y)[0]
+        ]
+        return min(speeds, default=None)
 
     def zone_limit_mps(self, located: Located, twist: Twist2, deceleration_mps2: float) -> float:
         """Speed that the zones at the robot allow, and those ahead in its motion, to be entered at their own speed.

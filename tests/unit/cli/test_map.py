@@ -100,6 +100,7 @@ def test_show_lists_and_draws_zones(folder, tmp_path):
         for properties in (
             {"name": "lawn", "type": "keepout"},
             {"name": "ward", "type": "speed", "speed_limit_mps": 0.4},
+            {"name": "lane", "type": "one_way", "heading_deg": 90.0},
         )
     ]
     (copy / "zones.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
@@ -108,6 +109,7 @@ def test_show_lists_and_draws_zones(folder, tmp_path):
     shown = CliRunner().invoke(app, ["map", "show", str(copy), "--picture", str(drawn)])
     assert "zone lawn: keepout, 1.0 m2 of the map" in shown.output
     assert "zone ward: speed, 0.4 m/s, 1.0 m2 of the map" in shown.output
+    assert "zone lane: one_way, 90 deg, 1.0 m2 of the map" in shown.output
     assert plain.read_bytes() != drawn.read_bytes()
 
 

@@ -40,6 +40,16 @@ def test_zones_are_read(tmp_path: Path) -> None:
     assert slow.contains(x, y).tolist() == [True, True, False, False, True]
 
 
+def test_a_one_way_zone_has_a_heading(tmp_path: Path) -> None:
+    lane = feature({"name": "lane", "type": "one_way", "heading_deg": 90.0})
+    (zone,) = read_zones(written(tmp_path, lane))
+    assert (zone.type, zone.heading_rad, zone.speed_mps) == (ZoneType.ONE_WAY, pytest.approx(np.pi / 2.0), np.inf)
+    with pytest.raises(ConfigError, match="'lane' properties: Value error, heading_deg belongs"):
+        read_zones(written(tmp_path, feature({"name": "lane", "type": "one_way"})))
+    with pytest.raises(ConfigError, match="heading_deg belongs"):
+        read_zones(written(tmp_path, feature({"name": "lane", "type": "keepout", "heading_deg": 0.0})))
+
+
 def test_the_cells_of_a_zone() -> None:
     triangle = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 2.0], [0.0, 0.0]])
     zone = Zone("corner", ZoneType.KEEPOUT, (triangle,), np.inf)

@@ -21,6 +21,7 @@ from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.controller import Output
 from robot_stack.navigation.goal import GoalCode, GoalEnd
 from robot_stack.navigation.grid_kernels import astar
+from robot_stack.navigation.one_way import FREE_COURSES
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteRequest, RouteResult, RouteSolver
 from robot_stack.navigation.states import NavigationState
@@ -129,7 +130,21 @@ def test_a_way_is_found_exactly_where_there_is_one(seed: int, flood_cells: int, 
     clear, unknown = free.astype(np.float32), np.zeros(free.shape, np.bool_)
     blocked = np.empty((0, 3), np.int64)
     found = astar(
-        clear, unknown, 1, start, goal, 0.5, 0.5, 0.0, 1.0, 1.2, blocked, 0, flood_cells, np.zeros(1, np.bool_)
+        clear,
+        unknown,
+        1,
+        start,
+        goal,
+        0.5,
+        0.5,
+        0.0,
+        1.0,
+        1.2,
+        blocked,
+        0,
+        flood_cells,
+        FREE_COURSES,
+        np.zeros(1, np.bool_),
     )
     assert bool(len(found)) == bool(labels[start] == labels[goal])
     if len(found):
