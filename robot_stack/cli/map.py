@@ -70,12 +70,13 @@ def show(
     name: Annotated[str, typer.Argument(help="Name in config/maps, or a folder.")],
     picture: Annotated[Path | None, typer.Option(help="Draw the map into this PNG file.")] = None,
 ) -> None:
-    """Show a map's content, origin and zones."""
+    """Show a map's content, origin, zones and route graph."""
     from robot_stack.cli.map_build import lines_of
+    from robot_stack.core.route_graph import load_graph
     from robot_stack.core.site_map import load_map
     from robot_stack.core.zones import load_zones
 
-    site, zones = load_map(name), load_zones(name)
+    site, zones, graph = load_map(name), load_zones(name), load_graph(name)
     for line in lines_of(site):
         typer.echo(line)
     for zone in zones:
@@ -83,10 +84,12 @@ def show(
         limit += "" if math.isnan(zone.heading_rad) else f", {math.degrees(zone.heading_rad):g} deg"
         area_m2 = float(zone.cells(site.grid).sum()) * site.grid.resolution_m**2
         typer.echo(f"zone {zone.name}: {zone.type.value}{limit}, {area_m2:.1f} m2 of the map")
+    if graph is not None:
+        typer.echo(f"route graph: {len(graph.points)} nodes, {len(graph.ends)} edges")
     if picture is not None:
         from robot_stack.cli.map_picture import draw_map
 
-        draw_map(site, picture, zones=zones)
+        draw_map(site, picture, zones=zones, graph=graph)
         typer.echo(f"picture: {picture}")
 
 

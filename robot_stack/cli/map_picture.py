@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robot_stack.cli.errors import writing
+from robot_stack.core.route_graph import RouteGraph
 from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, Grid, SiteMap, shaded
 from robot_stack.core.zones import Zone, ZoneType
 
@@ -30,6 +31,7 @@ def draw_map(
     way: Places | None = None,
     loops: Places | None = None,
     zones: tuple[Zone, ...] = (),
+    graph: RouteGraph | None = None,
 ) -> None:
     """way: (n, 2) m, the robot's path; loops: (n, 2, 2) m, pairs of recognised places. Raises CommandError."""
     from matplotlib.collections import EllipseCollection, LineCollection
@@ -62,6 +64,9 @@ def draw_map(
             x, y = zone.rings[0][:-1].mean(axis=0)
             axes.quiver(x, y, math.cos(zone.heading_rad), math.sin(zone.heading_rad), color=colour, angles="xy")
         axes.annotate(zone.name, zone.rings[0].mean(axis=0), color=colour, ha="center", va="center")
+    if graph is not None:
+        for start, end in graph.points[graph.ends]:
+            axes.annotate("", end, start, arrowprops={"arrowstyle": "->", "color": "tab:purple", "linewidth": 1.4})
     axes.set(xlabel="x in map, m", ylabel="y in map, m", aspect="equal")
     axes.set(xlim=(grid.origin_x_m, grid.origin_x_m + width_m), ylim=(grid.origin_y_m, grid.origin_y_m + height_m))
     axes.set_title(f"{site.name}: {len(site.cells.count)} cells of {site.cells.size_m:g} m, one deviation; by height")

@@ -19,10 +19,12 @@ from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.goals import GoalStatus
 from robot_stack.core.limits import NO_LIMIT, MotionLimits, SpeedLimit
 from robot_stack.core.robot import Footprint, Robot
+from robot_stack.core.route_graph import RouteGraph
 from robot_stack.core.site_map import Grid
 from robot_stack.core.zones import Zone
 from robot_stack.navigation.follower import RouteFollower
 from robot_stack.navigation.goal import GoalCode, GoalEnd, GoalRequest, Refusal, refusal, too_far
+from robot_stack.navigation.lanes import Lanes
 from robot_stack.navigation.limits import PlanningLimits, planning_limits
 from robot_stack.navigation.line_of_sight import allowed_speed, is_direct
 from robot_stack.navigation.motion import MotionState, Trajectory, moving
@@ -107,7 +109,7 @@ class NavigationController:
     """One goal at a time. ``path`` is published as ``/plan``; a new plan replaces the object, which never changes.
 
     departure: decides whether people must be warned first. routes: factory of the route planner; the default plans in
-    the tick of the request.
+    the tick of the request. zones, graph: of a site with a map.
     """
 
     def __init__(
@@ -119,6 +121,7 @@ class NavigationController:
         grid: Grid | None = None,
         routes: Callable[[RouteSolver], RoutePlanner] = PromptRoutes,
         zones: tuple[Zone, ...] = (),
+        graph: RouteGraph | None = None,
     ) -> None:
         self._params = params
         self._departure = departure
@@ -138,8 +141,10 @@ class NavigationController:
         self._text = "no goal"
         self.path: Path | None = None
         # The caller supplies the costmaps.
-        self.around = WorldModel(params, grid, zones)
-        self._follower = RouteFollower(params, self.around, routes(RouteSolver(params.planner, self.around.grid)))
+        lanes = None if graph is None else Lanes(graph, params.graph, params.limits.cruise_speed_mps)
+        self.around = WorldModel(params, grid, zones, lanes)
+        solver = RouteSolver(params.planner, self.around.grid, lanes)
+        self._follower = RouteFollower(params, self.around, routes(solver))
         self._unreachable: _Unreachable | None = None
         self._narrow_mps = math.inf
         self._now_s = 0.0

@@ -19,7 +19,17 @@ from robot_stack.core.robot import Footprint
 from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.footprint import inner_m, outline, reach_m
 from robot_stack.navigation.goal import GoalCode, Refusal
-from robot_stack.navigation.grid_kernels import EASY, TIGHT, astar, heading_room, headings, relax, straighten
+from robot_stack.navigation.grid_kernels import (
+    EASY,
+    NO_GUIDE,
+    TIGHT,
+    Singles,
+    astar,
+    heading_room,
+    headings,
+    relax,
+    straighten,
+)
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid
@@ -65,10 +75,19 @@ class GlobalPlanner:
     """Routes over one grid. A plan is a pure function of its arguments and of the grid with its overlay."""
 
     def __init__(
-        self, grid: PlanningGrid, params: PlannerParams, stop: CancelFlag | None = None, *, doubtful: bool = False
+        self,
+        grid: PlanningGrid,
+        params: PlannerParams,
+        stop: CancelFlag | None = None,
+        *,
+        doubtful: bool = False,
+        guide: Singles = NO_GUIDE,
     ) -> None:
-        """stop: once set, a plan ends soon, without a way. doubtful: optimised to detect early that there is none."""
-        self.grid = grid
+        """stop: once set, a plan ends soon, without a way. doubtful: optimised to detect early that there is none.
+
+        guide: additional cost of the grid's cells, see ``grid_kernels.astar``.
+        """
+        self.grid, self._guide = grid, guide
         self._params = params
         self._stop = stop or CancelFlag()
         self._flood_cells = grid.field.size if doubtful else _FLOOD_CELLS
@@ -126,6 +145,7 @@ class GlobalPlanner:
             math.ceil(p.escape_m / coarse_m),
             self._flood_cells,
             grid.courses,
+            self._guide,
             self._stop.flag,
         )
         if not len(found):
@@ -136,7 +156,7 @@ class GlobalPlanner:
             points = np.array([(start.x, start.y), (goal.x, goal.y)])
         place = grid.resolution_m, grid.x_m, grid.y_m
         cost = radius_m, prefer_m, p.near_cost, p.unknown_cost
-        points = straighten(field, grid.unknown, *place, points, *cost, grid.courses, _LINE_STEPS)
+        points = straighten(field, grid.unknown, *place, points, *cost, grid.courses, self._guide, _LINE_STEPS)
         points = _evenly(points, _HEADING_STEP_M)
         return relax(field, *place, points, radius_m, p.rounding, grid.courses)
 

@@ -22,6 +22,8 @@ Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
 Rooms = npt.NDArray[np.int8]
 
+NO_GUIDE: Singles = np.zeros((0, 0), np.float32)
+
 # Room of the footprint at a pose.
 CLOSED, TIGHT, EASY = 0, 1, 2
 
@@ -123,14 +125,21 @@ def _enter_cost(
     row: int,
     column: int,
     near: tuple[float, float, float, float],
+    guide: Singles,
     start: tuple[int, int],
     escape_cells: int,
 ) -> float:
     """Cost of a coarse cell, stored in ``cost``; negative: closed.
 
-    near: radius, preferred clearance, cost near to obstacles, cost of unknown cells.
+    near: radius, preferred clearance, cost near to obstacles, cost of unknown cells. guide: as of ``astar``, that of
+    the cell's middle counts.
     """
     entering = _block_cost(field, unknown, factor, row, column, near[0], near[1], near[2], near[3])
+    if guide.shape[0] > 0 and entering >= 0.0:
+        middle_row = min(row * factor + factor // 2, guide.shape[0] - 1)
+        middle_column = min(column * factor + factor // 2, guide.shape[1] - 1)
+        extra = float(guide[middle_row, middle_column])
+        entering = entering + extra if extra >= 0.0 else -1.0
     if entering < 0.0 and max(abs(row - start[0]), abs(column - start[1])) <= escape_cells:
         entering = _ESCAPE_COST
     cost[row * ((field.shape[1] + factor - 1) // factor) + column] = entering
@@ -182,6 +191,7 @@ def astar(
     escape_cells: int,
     flood_cells: int,
     courses: Courses,
+    guide: Singles,
     stop: npt.NDArray[np.bool_],
 ) -> npt.NDArray[np.int64]:
     """(n, 2) coarse cells (row, column) from start to goal, empty if there is no way, or if it was stopped.
@@ -189,6 +199,7 @@ def astar(
     weight: of the octile heuristic, >= 1. blocked: (m, 3) discs of coarse cells (row, column, radius) that are closed.
     escape_cells: within this distance of the start any cell may be entered, at a high cost, to leave a tight spot.
     courses: permitted in each cell; a step needs both cells to permit it, except within escape_cells of the start.
+    guide: (rows, columns) additional cost per metre, negative: closed; (0, 0) without one.
 
     A flood from the goal runs beside a search without progress; its first flood_cells are expanded in any case. If
     it ends without meeting the search, there is no way: this is found after the smaller of the two regions
@@ -211,7 +222,7 @@ def astar(
     flood = np.empty(rows * columns, np.int32)
     flood_from, flood_to, floods = 0, 0, first != last
     if floods:
-        if _enter_cost(cost, field, unknown, factor, goal[0], goal[1], near, start, escape_cells) < 0.0:
+        if _enter_cost(cost, field, unknown, factor, goal[0], goal[1], near, guide, start, escape_cells) < 0.0:
             return np.empty((0, 2), np.int64)
         flood[0], flooded[last], flood_to = last, True, 1
     diagonal = math.sqrt(2.0)
@@ -237,7 +248,7 @@ def astar(
                         floods = False
                     entering = cost[r * columns + c]
                     if math.isnan(entering):
-                        entering = _enter_cost(cost, field, unknown, factor, r, c, near, start, escape_cells)
+                        entering = _enter_cost(cost, field, unknown, factor, r, c, near, guide, start, escape_cells)
                     if entering >= 0.0:
                         flood[flood_to] = r * columns + c
                         flood_to += 1
@@ -261,7 +272,7 @@ def astar(
                     continue
                 entering = cost[there]
                 if math.isnan(entering):
-                    entering = _enter_cost(cost, field, unknown, factor, r, c, near, start, escape_cells)
+                    entering = _enter_cost(cost, field, unknown, factor, r, c, near, guide, start, escape_cells)
                 if entering < 0.0:
                     continue
                 if one_way:
@@ -294,6 +305,7 @@ def line_cost(
     near_cost: float,
     unknown_cost: float,
     courses: Courses,
+    guide: Singles,
 ) -> float:
     """Cost of the straight line from a to b, metres times cost per metre; negative if not clear, or not permitted."""
     length = math.hypot(b[0] - a[0], b[1] - a[1])
@@ -311,6 +323,10 @@ def line_cost(
         cost = _cell_cost(float(field[r, c]), unknown[r, c], radius_m, prefer_m, near_cost, unknown_cost)
         if cost < 0.0:
             return -1.0
+        if guide.shape[0] > 0:
+            if guide[r, c] < 0.0:
+                return -1.0
+            cost += float(guide[r, c])
         total += cost * length / steps
     return total
 
@@ -328,6 +344,7 @@ def straighten(
     near_cost: float,
     unknown_cost: float,
     courses: Courses,
+    guide: Singles,
     longest: int,
 ) -> Floats:
     """(m, 2) points with straight lines wherever one is clear and costs no more than the steps it replaces.
@@ -344,14 +361,14 @@ def straighten(
         while j < n and j - anchor <= longest:
             step = line_cost(
                 field, unknown, resolution_m, ox, oy, points[j - 1], points[j],
-                radius_m, prefer_m, near_cost, unknown_cost, courses,
+                radius_m, prefer_m, near_cost, unknown_cost, courses, guide,
             )  # fmt: skip
             if step < 0.0:
                 break
             along += step
             line = line_cost(
                 field, unknown, resolution_m, ox, oy, points[anchor], points[j],
-                radius_m, prefer_m, near_cost, unknown_cost, courses,
+                radius_m, prefer_m, near_cost, unknown_cost, courses, guide,
             )  # fmt: skip
             if 0.0 <= line <= along * 1.001 + 1e-9:
                 best, misses = j, 0

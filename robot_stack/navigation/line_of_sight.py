@@ -34,7 +34,8 @@ def is_direct(
 ) -> bool:
     """Whether the rest of the motion from ``from_s`` on is clear of obstacles and people.
 
-    Against one-way zones, only a motion of ``one_way.back_m`` at most is clear.
+    Against one-way zones, only a motion of ``one_way.back_m`` at most is clear; in a site with lanes one shorter than
+    ``straight_m``.
     entering: the motion has not begun; this requires more clearance and a heading along the motion.
     """
     if around.free_space:
@@ -42,6 +43,8 @@ def is_direct(
     poses = sampled(trajectory, from_s, trajectory.duration_s)
     f, end = params.follow, poses[-1]
     left = np.hypot(poses[:, 0] - end[0], poses[:, 1] - end[1])
+    if left[0] > around.straight_m:
+        return False
     if entering and left[0] > f.direct_any_heading_m and not _looks_ahead(poses[0], end, f.direct_heading_rad):
         return False
     clear = around.clearance_m(footprint, poses)

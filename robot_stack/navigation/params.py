@@ -121,6 +121,16 @@ class OneWayParams(Config):
     back_m: Positive
 
 
+class GraphParams(Config):
+    """Long routes over the lanes of the site's route graph."""
+
+    from_m: Positive
+    band_m: Annotated[float, Field(gt=0.0, le=3.0)]
+    access_m: Positive
+    off_lane_cost: Annotated[float, Field(ge=1.0)]
+    tries: Annotated[int, Field(ge=1, le=50)]
+
+
 class LocalParams(Config):
     """The sampling controller. weights: progress, offset, heading, clearance, person, change of offset."""
 
@@ -271,6 +281,7 @@ class NavigationParams(Config):
     pose: PoseParams
     planner: PlannerParams
     one_way: OneWayParams
+    graph: GraphParams
     local: LocalParams
     speed_limits: SpeedLimitParams
     people: PeopleParams

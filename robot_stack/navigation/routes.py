@@ -6,6 +6,7 @@ plan in a thread of their own (``robot_stack.navigation.background_planner``), b
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -16,6 +17,7 @@ from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.global_planner import GlobalPlanner, NoWay
+from robot_stack.navigation.lanes import LaneRoute, Lanes
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.planning_grid import PlanningGrid, empty_grid
@@ -59,10 +61,13 @@ class RoutePlanner(Protocol):
 
 
 class RouteSolver:
-    """Results are a pure function of request and site. site: the map's grid, None without a map."""
+    """Results are a pure function of request and site. site: the map's grid, None without a map.
 
-    def __init__(self, params: PlannerParams, site: PlanningGrid | None) -> None:
-        self._params = params
+    lanes: of the site's route graph. A lane that seen obstacles block is excluded as long as they are remembered.
+    """
+
+    def __init__(self, params: PlannerParams, site: PlanningGrid | None, lanes: Lanes | None = None) -> None:
+        self._params, self._lanes = params, lanes
         self._site = None if site is None else site.view()
 
     def solve(self, question: RouteRequest, stop: CancelFlag) -> RouteResult:
@@ -71,7 +76,7 @@ class RouteSolver:
         if grid is None:
             empty = empty_grid(question.start, question.goal, p.open_pad_m, p.open_resolution_m)
             grid = PlanningGrid(empty, bounded=False)
-        found = self._plan(grid, question, question.seen, stop)
+        found = self._plan_on_lanes(grid, question, stop) or self._plan(grid, question, question.seen, stop)
         if not isinstance(found, NoWay):
             return RouteResult(found)
         # Only the map's own obstacles are permanent.
@@ -80,6 +85,41 @@ class RouteSolver:
         if isinstance(by_map, NoWay) and self._site is not None:
             return RouteResult(None, by_map.reason, lasting=True)
         return RouteResult(None, found.reason)
+
+    def _plan_on_lanes(self, grid: PlanningGrid, question: RouteRequest, stop: CancelFlag) -> Path | None:
+        """A route over the graph around the seen obstacles; None if there is none, or lanes are not used."""
+        if self._lanes is None:
+            return None
+        start, goal = (np.array((pose.x, pose.y)) for pose in (question.start, question.goal))
+        grid.lay_over(question.seen)
+        closed: set[int] = set()
+        for _ in range(self._lanes.tries):
+            route = self._lanes.route(start, goal, frozenset(closed))
+            if route is None or stop.is_set:
+                return None
+            guide = self._lanes.guide(grid, route, start, goal)
+            planner = GlobalPlanner(grid, self._params, stop, guide=guide)
+            found = planner.plan(question.start, question.goal, question.footprint)
+            if isinstance(found, Path):
+                return found
+            # If each lane is passable alone, the way to the first or from the last one is not.
+            closed |= self._blocked(grid, question, route, stop) or {int(route.lanes[0]), int(route.lanes[-1])}
+        return None
+
+    def _blocked(self, grid: PlanningGrid, question: RouteRequest, route: LaneRoute, stop: CancelFlag) -> set[int]:
+        """The lanes of a route, which has no way, that leave none by themselves."""
+        assert self._lanes is not None
+        blocked = set()
+        for lane, (a, b) in route.pieces():
+            if math.dist(a, b) < grid.resolution_m:
+                continue
+            yaw = math.atan2(b[1] - a[1], b[0] - a[0])
+            planner = GlobalPlanner(grid, self._params, stop, guide=self._lanes.piece_guide(grid, np.array([a, b])))
+            start, goal = (Pose2(float(x), float(y), yaw) for x, y in (a, b))
+            found = planner.plan(start, goal, question.footprint)
+            if isinstance(found, NoWay):
+                blocked.add(lane)
+        return blocked
 
     def _plan(
         self, grid: PlanningGrid, question: RouteRequest, seen: Array, stop: CancelFlag, *, doubtful: bool = False

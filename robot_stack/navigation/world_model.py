@@ -16,6 +16,7 @@ from robot_stack.core.zones import Zone, ZoneType
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.global_planner import goal_problem
 from robot_stack.navigation.goal import GoalCode, Refusal
+from robot_stack.navigation.lanes import Lanes
 from robot_stack.navigation.local_map import LETHAL, LocalMap, costmap_problem, local_map
 from robot_stack.navigation.one_way import FREE_COURSES, against_m, permitted
 from robot_stack.navigation.params import NavigationParams
@@ -36,16 +37,24 @@ _ZONE_LEAD_S = 0.4
 
 
 class WorldModel:
-    """grid: of the site map, None without one. zones: of the site. Poses are in map unless noted as odom.
+    """grid: of the site map, None without one. zones, lanes: of the site. Poses are in map unless noted as odom.
 
     ``grid`` and ``local`` have keepout zones as obstacles. What the costmap sees in them is not explained by the map.
     """
 
-    def __init__(self, params: NavigationParams, grid: Grid | None, zones: tuple[Zone, ...] = ()) -> None:
+    def __init__(
+        self,
+        params: NavigationParams,
+        grid: Grid | None,
+        zones: tuple[Zone, ...] = (),
+        lanes: Lanes | None = None,
+    ) -> None:
         self._params = params
+        # Straight motions are shorter than this: longer ones follow the lanes.
+        self.straight_m = math.inf if lanes is None else params.graph.from_m
         courses = FREE_COURSES if grid is None else permitted(zones, grid, params.one_way.tolerance_rad)
         self._mapped = self.grid = None if grid is None else PlanningGrid(grid, courses=courses)
-        self._zones = zones
+        self._zones = zones if lanes is None else (*zones, *lanes.speed_zones())
         closed = [zone for zone in zones if zone.type is ZoneType.KEEPOUT]
         self._closed: Grid | None = None  # occupied in keepout zones only
         if grid is not None and closed:

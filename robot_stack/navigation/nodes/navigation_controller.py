@@ -18,6 +18,7 @@ from robot_stack.core.config import load
 from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import ZERO_TWIST
 from robot_stack.core.limits import SpeedLimit
+from robot_stack.core.route_graph import load_graph
 from robot_stack.core.site_map import load_map
 from robot_stack.core.zones import load_zones
 from robot_stack.middleware.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg
@@ -52,8 +53,9 @@ class NavigationControllerNode(StackNode):
         self._motion_warnings = MotionWarnings(self, given=self._departure.announced)
         grid = load_map(self.params.map).grid if self.params.map else None
         zones = load_zones(self.params.map) if self.params.map else ()
+        graph = load_graph(self.params.map) if self.params.map else None
         self.controller = NavigationController(
-            self.params, self.robot, frames.MAP, self._departure, grid, self._background_planner, zones
+            self.params, self.robot, frames.MAP, self._departure, grid, self._background_planner, zones, graph
         )
         if grid is not None or self.params.use_costmap:
             warm_up()

@@ -104,12 +104,18 @@ def test_show_lists_and_draws_zones(folder, tmp_path):
         )
     ]
     (copy / "zones.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    places = [{"type": "Point", "coordinates": [0.0, 0.0]}, {"type": "Point", "coordinates": [2.0, 1.0]}]
+    lanes = [{"type": "Feature", "properties": {"id": i}, "geometry": place} for i, place in enumerate(places)]
+    edge = {"id": 2, "startid": 0, "endid": 1}
+    lanes.append({"type": "Feature", "properties": edge, "geometry": {"type": "MultiLineString"}})
+    (copy / "graph.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": lanes}))
     plain, drawn = tmp_path / "plain.png", tmp_path / "drawn.png"
     assert CliRunner().invoke(app, ["map", "show", str(folder), "--picture", str(plain)]).exit_code == 0
     shown = CliRunner().invoke(app, ["map", "show", str(copy), "--picture", str(drawn)])
     assert "zone lawn: keepout, 1.0 m2 of the map" in shown.output
     assert "zone ward: speed, 0.4 m/s, 1.0 m2 of the map" in shown.output
     assert "zone lane: one_way, 90 deg, 1.0 m2 of the map" in shown.output
+    assert "route graph: 2 nodes, 1 edges" in shown.output
     assert plain.read_bytes() != drawn.read_bytes()
 
 

@@ -20,7 +20,7 @@ from robot_stack.navigation.background_planner import BackgroundPlanner
 from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.controller import Output
 from robot_stack.navigation.goal import GoalCode, GoalEnd
-from robot_stack.navigation.grid_kernels import astar
+from robot_stack.navigation.grid_kernels import NO_GUIDE, astar
 from robot_stack.navigation.one_way import FREE_COURSES
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteRequest, RouteResult, RouteSolver
@@ -144,6 +144,7 @@ def test_a_way_is_found_exactly_where_there_is_one(seed: int, flood_cells: int, 
         0,
         flood_cells,
         FREE_COURSES,
+        NO_GUIDE,
         np.zeros(1, np.bool_),
     )
     assert bool(len(found)) == bool(labels[start] == labels[goal])

@@ -1,0 +1,232 @@
+"""Long routes over the lanes of a site's route graph."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from robot_stack.core.config import load
+from robot_stack.core.departure import Departure, DepartureParams
+from robot_stack.core.geometry import Pose2
+from robot_stack.core.route_graph import RouteGraph
+from robot_stack.core.site_map import FREE, OCCUPIED, Grid
+from robot_stack.navigation.cancel_flag import CancelFlag
+from robot_stack.navigation.controller import NavigationController
+from robot_stack.navigation.lanes import Lanes
+from robot_stack.navigation.path import Path
+from robot_stack.navigation.planning_grid import PlanningGrid
+from robot_stack.navigation.routes import PromptRoutes, RouteRequest, RouteSolver
+from tests.unit.navigation.plant import ROBOT, params
+from tests.unit.navigation.test_among_obstacles import Painter, Story, box, nothing, reached
+
+Array = npt.NDArray[np.float64]
+CRUISE_MPS = params().limits.cruise_speed_mps
+WEST, EAST = Pose2(3.0, 10.0, 0.0), Pose2(27.0, 10.0, 0.0)
+
+
+def hall() -> Grid:
+    """30 m x 20 m, free."""
+    cells = np.full((200, 300), FREE, np.int8)
+    cells[[0, -1]] = OCCUPIED
+    cells[:, [0, -1]] = OCCUPIED
+    return Grid(0.1, 0.0, 0.0, cells)
+
+
+# A ring of lanes: along y = 4 to the east, along y = 16 to the west, and a two-way lane along x = 15.
+POINTS = ((4.0, 4.0), (15.0, 4.0), (26.0, 4.0), (26.0, 16.0), (15.0, 16.0), (4.0, 16.0))
+RING = ((0, 1), (1, 2), (2, 3), (3, 4), (4, 5), (5, 0), (1, 4), (4, 1))
+
+
+def graph_of(
+    edges: tuple[tuple[int, int], ...] = RING,
+    *,
+    fixed_m: dict[int, float] | None = None,
+    speeds: dict[int, float] | None = None,
+) -> RouteGraph:
+    count = len(edges)
+    cost_m, speed_mps = np.full(count, np.nan), np.full(count, np.inf)
+    for edge, cost in (fixed_m or {}).items():
+        cost_m[edge] = cost
+    for edge, speed in (speeds or {}).items():
+        speed_mps[edge] = speed
+    ids = np.arange(100, 100 + count)
+    return RouteGraph(np.array(POINTS), np.array(edges), ids, cost_m, speed_mps, np.ones(count))
+
+
+def lanes_of(graph: RouteGraph) -> Lanes:
+    return Lanes(graph, params().graph, CRUISE_MPS)
+
+
+def solved(start: Pose2, goal: Pose2, graph: RouteGraph, seen: Array | None = None) -> Array:
+    """(n, 2) of the route."""
+    solver = RouteSolver(params().planner, PlanningGrid(hall()), lanes_of(graph))
+    points = np.empty((0, 2)) if seen is None else seen
+    answer = solver.solve(RouteRequest(start, goal, ROBOT.footprint, points), CancelFlag())
+    assert isinstance(answer.route, Path), answer.reason
+    return np.asarray(answer.route.poses[:, :2])
+
+
+def wall(x0: float, x1: float, y0: float, y1: float) -> Array:
+    """Points of a seen obstacle."""
+    x, y = np.meshgrid(np.arange(x0, x1, 0.1), np.arange(y0, y1, 0.1))
+    return np.column_stack((x.ravel(), y.ravel()))
+
+
+def at_x(route: Array, x_m: float) -> float:
+    """y of the route where it first comes to x."""
+    return float(route[int(np.argmin(np.abs(route[:, 0] - x_m))), 1])
+
+
+# --- the graph -------------------------------------------------------------------------------------------------------
+
+
+def test_start_and_goal_are_connected_to_the_nearest_points_of_lanes() -> None:
+    route = lanes_of(graph_of()).route(np.array((8.0, 2.0)), np.array((20.0, 3.0)), frozenset())
+    assert route is not None
+    assert route.lanes.tolist() == [0, 1]
+    assert route.points.tolist() == [[8.0, 4.0], [15.0, 4.0], [20.0, 4.0]]
+    on_one = lanes_of(graph_of()).route(np.array((5.0, 3.0)), np.array((14.0, 3.0)), frozenset())
+    assert on_one is not None
+    assert on_one.lanes.tolist() == [0]
+    assert on_one.points.tolist() == [[5.0, 4.0], [14.0, 4.0]]
+
+
+def test_lanes_are_driven_in_their_direction() -> None:
+    route = lanes_of(graph_of()).route(np.array((12.8, 3.0)), np.array((6.2, 3.0)), frozenset())
+    assert route is not None
+    assert route.lanes.tolist() == [0, 6, 4, 5, 0]
+
+
+def test_closed_lanes_costs_and_speeds_change_the_route() -> None:
+    start, goal = np.array((4.0, 3.5)), np.array((26.0, 14.0))
+    assert lanes_of(graph_of()).route(start, goal, frozenset()).lanes.tolist() == [0, 1, 2]  # type: ignore[union-attr]
+    both = (*RING, (4, 3), (3, 2))
+    over_middle = [0, 6, 8, 9]
+
+    def lanes(graph: RouteGraph, *closed: int) -> list[int]:
+        route = lanes_of(graph).route(start, goal, frozenset(closed))
+        return [] if route is None else route.lanes.tolist()
+
+    assert lanes(graph_of(both), 1) == over_middle
+    assert lanes(graph_of(both, fixed_m={1: 500.0})) == over_middle
+    assert lanes(graph_of(both, speeds={1: 0.2})) == over_middle
+    assert lanes(graph_of(), 1) == [0], "no lane leads to the goal's own: as near as the others lead"
+
+
+def test_no_lanes_for_a_near_goal_or_one_nearer_than_they_are() -> None:
+    lanes = lanes_of(graph_of())
+    assert lanes.route(np.array((5.0, 4.0)), np.array((10.0, 4.0)), frozenset()) is None
+    assert lanes.route(np.array((1.0, 10.0)), np.array((9.0, 10.0)), frozenset({5})) is None
+    far = Lanes(graph_of(), params().graph.model_copy(update={"access_m": 1.0}), CRUISE_MPS)
+    assert far.route(np.array((1.0, 10.0)), np.array((28.0, 10.0)), frozenset()) is None
+
+
+def test_limited_lanes_are_speed_zones() -> None:
+    (zone,) = lanes_of(graph_of(speeds={1: 0.4})).speed_zones()
+    assert (zone.name, zone.speed_mps) == ("edge 101", 0.4)
+    x, y = np.array([20.0, 20.0, 10.0]), np.array([4.5, 5.5, 4.0])
+    assert zone.contains(x, y).tolist() == [True, False, False]
+
+
+# --- the planner -----------------------------------------------------------------------------------------------------
+
+
+def test_a_route_follows_the_lanes() -> None:
+    route = solved(WEST, EAST, graph_of())
+    assert abs(at_x(route, 10.0) - 4.0) < 0.3
+    assert abs(at_x(route, 20.0) - 4.0) < 0.3
+    assert route[-1].tolist() == [27.0, 10.0]
+    back = solved(EAST, WEST, graph_of())
+    assert abs(at_x(back, 20.0) - 16.0) < 0.3
+    assert abs(at_x(back, 10.0) - 16.0) < 0.3
+
+
+def test_an_obstacle_on_a_lane_is_passed_within_the_band() -> None:
+    route = solved(WEST, EAST, graph_of(), wall(9.0, 9.5, 3.9, 4.1))
+    beside = at_x(route, 9.2)
+    assert 0.3 < abs(beside - 4.0) <= params().graph.band_m
+
+
+def test_another_route_over_the_graph_is_taken_around_a_blocked_lane() -> None:
+    both_ways = (*RING, (4, 3), (3, 2))
+    route = solved(WEST, EAST, graph_of(both_ways), wall(20.0, 20.5, 1.0, 7.0))
+    assert abs(at_x(route, 10.0) - 4.0) < 0.3
+    assert abs(at_x(route, 20.0) - 16.0) < 0.3
+    at_middle = route[np.abs(route[:, 1] - 10.0) < 1.0]
+    assert np.abs(at_middle[(at_middle[:, 0] > 10.0) & (at_middle[:, 0] < 20.0), 0] - 15.0).max() < 0.3
+
+
+def test_a_route_leaves_the_lanes_if_the_graph_has_no_other() -> None:
+    route = solved(WEST, EAST, graph_of(((0, 1), (1, 2))), wall(20.0, 20.5, 1.0, 7.0))
+    assert route[-1].tolist() == [27.0, 10.0]
+    assert at_x(route, 20.2) > 7.0
+
+
+def test_an_entry_that_cannot_be_reached_is_not_used() -> None:
+    """A closed wall between the start and the lane next to it."""
+    cells = hall().occupancy.copy()
+    cells[60, :250] = OCCUPIED
+    solver = RouteSolver(params().planner, PlanningGrid(Grid(0.1, 0.0, 0.0, cells)), lanes_of(graph_of()))
+    request = RouteRequest(Pose2(3.0, 7.5, 0.0), Pose2(24.0, 14.0, 0.0), ROBOT.footprint, np.empty((0, 2)))
+    answer = solver.solve(request, CancelFlag())
+    assert isinstance(answer.route, Path)
+    assert answer.route.poses[:, 1].min() > 6.0
+
+
+# --- the controller --------------------------------------------------------------------------------------------------
+
+
+def story_on(graph: RouteGraph | None, seen: Painter = nothing) -> Story:
+    story = Story(seen, hall())
+    announced = Departure(load(DepartureParams, "departure"), announced=True)
+    story.controller = NavigationController(
+        params(use_costmap=True), ROBOT, "map", announced, hall(), PromptRoutes, graph=graph
+    )
+    story.drive.pose = WEST
+    return story
+
+
+def ridden(story: Story) -> Array:
+    return np.array([(pose.x, pose.y) for pose in story.poses])
+
+
+def test_the_robot_drives_on_the_lanes_at_their_speed() -> None:
+    story = story_on(graph_of(speeds={1: 0.4}))
+    assert story.go(EAST) == ""
+    story.until(reached, 120.0)
+    way, speeds = ridden(story), np.array([output.twist.speed() for output in story.outputs])
+    first, second = (way[:, 0] > 7.0) & (way[:, 0] < 13.0), (way[:, 0] > 17.0) & (way[:, 0] < 23.0)
+    assert np.abs(way[first | second, 1] - 4.0).max() < 0.4
+    assert speeds[first].max() > 0.6
+    assert speeds[second].max() < 0.42
+    assert speeds[second].max() > 0.3
+
+
+def test_without_a_graph_the_robot_drives_straight() -> None:
+    story = story_on(None)
+    story.go(EAST)
+    story.until(reached, 60.0)
+    assert np.abs(ridden(story)[:, 1] - 10.0).max() < 0.1
+
+
+def test_the_robot_drives_around_an_obstacle_on_its_lane() -> None:
+    story = story_on(graph_of(), box(14.0, 14.4, 3.8, 4.2))
+    story.go(EAST)
+    story.until(reached, 120.0)
+    way = ridden(story)
+    on_lane = (way[:, 0] > 8.0) & (way[:, 0] < 22.0)
+    off_m = np.abs(way[on_lane, 1] - 4.0)
+    assert 0.4 < off_m.max() < 1.6
+    assert min(story.clearances) > 0.05
+    assert math.hypot(way[-1, 0] - 27.0, way[-1, 1] - 10.0) < 0.05
+
+
+def test_the_robot_turns_to_another_lane_before_one_that_is_blocked() -> None:
+    story = story_on(graph_of((*RING, (1, 0), (2, 1), (4, 3), (3, 2))), box(20.0, 20.5, 1.0, 7.0))
+    story.go(EAST)
+    story.until(reached, 150.0)
+    way = ridden(story)
+    assert way[way[:, 1] < 7.0, 0].max() < 20.0 or way[-1, 1] > 9.0
+    assert np.abs(way[np.abs(way[:, 0] - 20.0) < 0.5, 1] - 16.0).max() < 0.5
