@@ -183,11 +183,16 @@ def read_zones(path: Path) -> tuple[Zone, ...]:
         content = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from None
+    return zones_of(content, str(path))
+
+
+def zones_of(content: Any, source: str) -> tuple[Zone, ...]:
+    """The zones of a FeatureCollection. Raises ConfigError that begins with ``source``."""
     try:
         found = _Collection.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
-        raise ConfigError(f"{path}: {_place(content, first['loc'])}{first['msg']}") from None
+        raise ConfigError(f"{source}: {_place(content, first['loc'])}{first['msg']}") from None
     return tuple(
         Zone(
             name=feature.properties.name,

@@ -29,6 +29,7 @@ class Layer(StrEnum):
 
     PLAN = "plan"
     PEOPLE = "people"
+    ZONES = "zones"
     DISPLAY = "display"
     STOP_SOURCES = "stop_sources"
     DIAGNOSTICS = "diagnostics"

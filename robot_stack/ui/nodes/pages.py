@@ -14,6 +14,7 @@ from robot_stack.ui.nodes.mission_files import MissionFiles
 from robot_stack.ui.nodes.self_test import GuidedSelfTest
 from robot_stack.ui.nodes.server import WebServer
 from robot_stack.ui.nodes.site import Site
+from robot_stack.ui.nodes.zone_file import ZoneFile
 
 # Layers that are made from the snapshot.
 _SECTIONS = {
@@ -38,11 +39,12 @@ class Pages:
         history: AuditFile,
         missions: MissionFiles,
         site: Site,
+        zones: ZoneFile,
         self_test: GuidedSelfTest,
     ) -> None:
         self._hub, self._server = hub, server
         self._inputs, self._history, self._missions, self._site = inputs, history, missions, site
-        self._self_test = self_test
+        self._zones, self._self_test = zones, self_test
         self._wanted: frozenset[p.Layer] = frozenset()
         self._ride_state = ""
         self.staff_called = False
@@ -100,6 +102,8 @@ class Pages:
             layers[p.Layer.EVENTS] = self._site.events()
         if p.Layer.MISSION_FILES in self._wanted:
             layers[p.Layer.MISSION_FILES] = self._missions.files_section()
+        if p.Layer.ZONES in self._wanted:
+            layers[p.Layer.ZONES] = self._zones.section()
         sections = {
             "missions": self._missions.section(),
             "site": self._site.section(),

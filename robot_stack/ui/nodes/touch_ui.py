@@ -21,6 +21,7 @@ from robot_stack.ui.nodes.pages import Pages
 from robot_stack.ui.nodes.self_test import GuidedSelfTest
 from robot_stack.ui.nodes.server import WebServer
 from robot_stack.ui.nodes.site import Site
+from robot_stack.ui.nodes.zone_file import ZoneFile
 from robot_stack.ui.params import TouchUiParams
 
 # Files and folders are polled less often than topics.
@@ -39,13 +40,14 @@ class TouchUiNode(StackNode):
         site = Site(self.params, self.robot.footprint)
         library = mission_library(pages.missions_folder, pages.own_missions_folder)
         missions = MissionFiles(library, load_docks().docks, load_keepout(pages.map, self.robot))
+        zones = ZoneFile(pages.map)
         self._outputs = Outputs(self)
         self._hub = self.device(Hub, self.params, self, self.monotonic_s)
         layers = Layers(self, pages, lambda: self._hub.awaited, self._send_frame)
         inputs = layers.inputs = RobotInputs(self, layers.callbacks)
         self._server = self.device(WebServer, self.params.server, self._hub, site.pictures)
         self_test = GuidedSelfTest(self, self.params, inputs, self._outputs, self._audit, lambda: self._hub.testers)
-        self._pages = Pages(self._hub, self._server, inputs, self._audit, missions, site, self_test)
+        self._pages = Pages(self._hub, self._server, inputs, self._audit, missions, site, zones, self_test)
         self._commands = PageCommands(
             self, self.params.reset, self._outputs, self._pages, self._audit, missions, self_test
         )

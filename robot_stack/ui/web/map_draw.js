@@ -69,6 +69,37 @@ export function drawBackground(context, canvas, view, site, picture) {
   context.drawImage(picture, px, py, site.map.width * view.scale, site.map.height * view.scale);
 }
 
+const ZONES = { keepout: "#9b1116", speed: "#0b4a63", one_way: "#1f5f2c" };
+
+// Zones with their name and limit, one-way zones with an arrow, and the lanes of the route graph.
+export function drawZones(context, canvas, view, site) {
+  for (const [ax, ay, bx, by] of site?.lanes ?? []) {
+    const [px, py] = view.toScreen(canvas, ax, ay);
+    drawArrow(context, px, py, (bx - ax) * view.scale - 9, -(by - ay) * view.scale, "#5b1a8a", 2);
+  }
+  for (const zone of site?.zones ?? []) {
+    context.beginPath();
+    for (const ring of zone.rings) {
+      ring.forEach(([x, y], index) => context[index ? "lineTo" : "moveTo"](...view.toScreen(canvas, x, y)));
+      context.closePath();
+    }
+    context.fillStyle = ZONES[zone.type];
+    context.globalAlpha = 0.18;
+    context.fill("evenodd");
+    context.globalAlpha = 1;
+    context.strokeStyle = ZONES[zone.type];
+    context.lineWidth = 3;
+    context.stroke();
+    const corners = zone.rings[0].slice(1);
+    const [x, y] = [0, 1].map((axis) => corners.reduce((sum, corner) => sum + corner[axis], 0) / corners.length);
+    const [px, py] = view.toScreen(canvas, x, y);
+    if (zone.yaw !== null) drawArrow(context, px, py, Math.cos(zone.yaw) * view.scale, -Math.sin(zone.yaw) * view.scale, ZONES.one_way);
+    context.font = "600 16px sans-serif";
+    context.textAlign = "center";
+    context.fillText(zone.speed === null ? zone.name : `${zone.name} ${zone.speed} m/s`, px, py - 12);
+  }
+}
+
 export function drawPlan(context, canvas, view, points) {
   if (!points?.length) return;
   context.beginPath();
@@ -111,7 +142,7 @@ export function drawPeople(context, canvas, view, near) {
   }
 }
 
-function drawArrow(context, px, py, dx, dy, colour) {
+function drawArrow(context, px, py, dx, dy, colour, width = 5) {
   const length = Math.hypot(dx, dy);
   if (length < 4) return;
   context.save();
@@ -121,7 +152,7 @@ function drawArrow(context, px, py, dx, dy, colour) {
   context.moveTo(0, 0);
   context.lineTo(length, 0);
   context.strokeStyle = colour;
-  context.lineWidth = 5;
+  context.lineWidth = width;
   context.stroke();
   context.beginPath();
   context.moveTo(length + 9, 0);

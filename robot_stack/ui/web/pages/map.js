@@ -2,9 +2,9 @@
 
 import { html, useEffect, useRef, useState } from "/vendor/preact-htm.js";
 import { t } from "/i18n.js";
-import { View, at, drawBackground, drawObstacles, drawPeople, drawPlan, drawRobot, poseOf, readCostmap, readObstacles } from "/map_draw.js";
+import { View, at, drawBackground, drawObstacles, drawPeople, drawPlan, drawRobot, drawZones, poseOf, readCostmap, readObstacles } from "/map_draw.js";
 
-const LAYERS = ["plan", "costmap", "obstacles", "people"];
+const LAYERS = ["plan", "costmap", "obstacles", "people", "zones"];
 const LEAST_DRAG_M = 0.3;
 
 function draw(canvas, view, layers, state, picture, wish) {
@@ -12,6 +12,7 @@ function draw(canvas, view, layers, state, picture, wish) {
   const pose = poseOf(state);
   if (view.follows && pose) [view.x, view.y] = [pose.x, pose.y];
   drawBackground(context, canvas, view, state.site, picture);
+  drawZones(context, canvas, view, state.zones);
   if (layers.costmap) {
     at(context, canvas, view, layers.costmap, () => {
       context.imageSmoothingEnabled = false;
@@ -79,7 +80,7 @@ export function MapPage({ link, state, say }) {
       </div>
       <${Hint} tool=${tool} wish=${wish} send=${send} cancel=${() => choose("look")} />
     </div>
-    <p class="figures"><${Place} state=${state} /><${People} state=${state} /></p>
+    <p class="figures"><${Place} state=${state} /><${People} state=${state} /><${Zones} site=${state.zones} /></p>
   </section>`;
 }
 
@@ -109,6 +110,13 @@ function People({ state }) {
   const people = near.filter((item) => item.kind !== "object").length;
   const walking = near.filter((item) => item.kind === "walking").length;
   return html`<span id="people">${t("map.people", { people, walking, things: near.length - people })}</span>`;
+}
+
+function Zones({ site }) {
+  if (!site) return null;
+  return html`<span id="zones">${t("map.zones", { zones: site.zones.length, lanes: site.lanes.length })}</span>
+    ${site.problem && html`<span class="problem" lang="en">${site.problem}</span>`}
+    ${site.changed && html`<span id="zones-changed">${t("map.zones_changed")}</span>`}`;
 }
 
 // One finger: moves the map, or sets a place and, by dragging, a direction.
