@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 import yaml
 
+from robot_stack.core.docks import load_docks
 from robot_stack.core.mission_library import read_mission
 from tests.support.ui_robot import StandInRobot
 from tests.support.waiting import wait_for
@@ -104,6 +105,26 @@ def test_editor_errors_are_shown_at_their_field(editor: Any, own: Path) -> None:
     editor.click("#leave-editor")
     editor.click("#discard")
     editor.wait_for_selector("[data-editor]", state="detached")
+
+
+def test_a_charger_is_chosen_as_home_and_left_out_again(editor: Any, own: Path) -> None:
+    compose(editor)
+    editor.click('[data-step="home"]')
+    assert editor.get_attribute('[data-home-dock=""]', "aria-pressed") == "true"
+    assert editor.query_selector('[data-home-dock="chair_1"]') is None  # only chargers are offered
+    editor.click('[data-home-dock="charger"]')
+    until(editor, "document.querySelector('[data-home-dock=\"charger\"]').getAttribute('aria-pressed') === 'true'")
+    fill(editor, "home.y", "0.5")
+    save(editor)
+    staging = load_docks().docks["charger"].staging
+    home = read_mission(own / "garden_tour.yaml").home
+    assert (home.dock, home.x, home.y) == ("charger", pytest.approx(staging.x_m, abs=1e-3), 0.5)
+    editor.click('[data-file="garden_tour"] [data-act="open"]')
+    editor.click('[data-step="home"]')
+    editor.click('[data-home-dock=""]')
+    save(editor)
+    left = read_mission(own / "garden_tour.yaml").home
+    assert (left.dock, left.x, left.y) == ("", home.x, home.y)
 
 
 def test_stops_are_moved_and_removed_and_the_mission_renamed_and_deleted(editor: Any, own: Path) -> None:

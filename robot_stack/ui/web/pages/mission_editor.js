@@ -74,6 +74,19 @@ function ActionChoice({ stop, path, change, docks, problems, disabled }) {
     ${!(kind === "wait" && problemsAt(problems, `${path}.wait_s`).length) && html`<${Problems} problems=${problems} path=${path} />`}`;
 }
 
+// Where the robot goes on a low battery, and the charger it docks to from there. A charger brings its staging pose.
+function Home({ home, set, docks, problems, disabled }) {
+  const { dock: chosen = "", ...place } = home;
+  const at = (dock) => ({ x: round(dock.x, 3), y: round(dock.y, 3), yaw: round(dock.yaw, 4), dock: dock.id });
+  return html`<div class="tools" role="group" aria-label=${t("missions.home_dock")}>
+      <button type="button" data-home-dock="" aria-pressed=${!chosen} disabled=${disabled} onClick=${() => set(place)}>${t("missions.no_charger")}</button>
+      ${docks.filter((dock) => dock.kind === "charger").map((dock) => html`<button type="button" data-home-dock=${dock.id}
+        aria-pressed=${chosen === dock.id} disabled=${disabled} onClick=${() => set(at(dock))}>${dock.id} · ${t("dock_kind.charger")}</button>`)}
+    </div>
+    <${Problems} problems=${problems} path="home.dock" />
+    <${Place} place=${home} path="home" problems=${problems} disabled=${disabled} change=${(part) => set({ ...home, ...part })} />`;
+}
+
 function freeName(draft, wanted) {
   const taken = new Set(draft.waypoints.map((stop) => stop.name));
   for (let count = 1; ; count += 1) {
@@ -160,8 +173,8 @@ export function MissionEditor({ link, state, say, files, edit, setEdit }) {
         <${Problems} problems=${problems.filter((item) => item.field === "waypoints")} path="waypoints" />
         <${Steps} draft=${draft} chosen=${chosen} choose=${setChosen} problems=${problems}>
           ${chosen === "names" && html`<${Names} draft=${draft} change=${change} problems=${problems} fixed=${fixed} renames=${!edit.was} />`}
-          ${chosen === "home" && html`<${Place} place=${draft.home} path="home" problems=${problems} disabled=${fixed}
-            change=${(part) => change({ home: { ...draft.home, ...part } })} />`}
+          ${chosen === "home" && html`<${Home} home=${draft.home} set=${(home) => change({ home })} docks=${files.docks}
+            problems=${problems} disabled=${fixed} />`}
           ${draft.waypoints[chosen] && html`<${Stop} draft=${draft} index=${chosen} change=${change} changeStop=${changeStop}
             setChosen=${setChosen} docks=${files.docks} problems=${problems} fixed=${fixed} />`}
           ${!fixed && chosen !== "names" && html`<button type="button" id="move-on-map" aria-pressed=${tool === "move"}
