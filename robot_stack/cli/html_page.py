@@ -18,6 +18,8 @@ h1 { margin: 0 0 .2rem; } h2 { margin: 2rem 0 .5rem; }
 img { max-width: 100%; border: 1px solid #a9b6be; border-radius: .5rem; background: #fff; }
 table { border-collapse: collapse; width: 100%; background: #fff; }
 th, td { text-align: left; padding: .35rem .7rem; border-bottom: 1px solid #d7dee2; }
+@media (max-width: 40rem) { body { padding: .8rem; } table { display: block; overflow-x: auto; }
+  .figures { grid-template-columns: repeat(auto-fill, minmax(9rem, 1fr)); } }
 """
 
 

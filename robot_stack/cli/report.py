@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from datetime import MAXYEAR, date, datetime, timedelta
 from pathlib import Path
@@ -44,7 +45,7 @@ def report(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print the records as JSON; no page.")] = False,
 ) -> None:
-    """Sum up the rides of a day: routes on the map, stops with their reasons, docking, battery, kept events.
+    """Sum up the rides of a day: routes on the map, stops with their reasons, docking, comfort, battery, kept events.
 
     The black box keeps a record of each mission. Exit code 1 if there was no ride.
     """
@@ -52,14 +53,14 @@ def report(
     day = _day(what) if not path.exists() else None
     if day is None and not path.exists():
         raise CommandError(f"{what!r} is no day (today, yesterday, YYYY-MM-DD) and no recording", WRONG_USE)
-    rides, events = _of_day(day) if day else (_of_recording(path), [])
+    rides, events = _of_day(day) if day else (_of_recording(path), _of_event(path))
     title = f"{day:%A}, {day}" if day else path.resolve().name
     if as_json:
         print(json.dumps([ride.model_dump(mode="json") for ride in rides], indent=2))
     elif rides:
         _print(title, rides)
         file = output or Path(f"report-{day or path.resolve().stem}.html")
-        _write_page(file, title, rides, events, map_name)
+        _write_page(file, title, rides, events, map_name, {} if day else {event.id: path for event in events})
         print(f"{file} ({file.stat().st_size / 1e6:.1f} MB)")
     if not rides:
         raise CommandError(f"no rides on {day}" if day else f"{path} contains no mission")
@@ -90,24 +91,37 @@ def _of_day(day: date) -> tuple[list[RideRecord], list[EventRecord]]:
     return rides, sorted(events, key=lambda event: event.at_s)
 
 
+def _of_event(path: Path) -> list[EventRecord]:
+    """The event in a folder, if it is that of one."""
+    from robot_stack.core.kept_events import read_record
+
+    record = read_record(path) if path.is_dir() else None
+    return [] if record is None else [record]
+
+
 def _of_recording(path: Path) -> list[RideRecord]:
     from robot_stack.cli.recordings import read_messages, recording_files
-    from robot_stack.recording.ride_messages import RideMessages
+    from robot_stack.contract import topics
+    from robot_stack.core.comfort import load_seat
+    from robot_stack.recording.ride_messages import RideMessages, add_motion
     from robot_stack.recording.rides import RideWatch
 
-    messages, watch = RideMessages(), RideWatch()
+    messages, watch = RideMessages(), RideWatch(load_seat())
     rides: dict[str, RideRecord] = {}
-    next_s = 0.0
+    last_s = -math.inf
     for file in recording_files(path):
-        for item in read_messages(file, messages.names, lambda _: None):
+        for item in read_messages(file, (*messages.names, topics.IMU.name), lambda _: None):
             if isinstance(item, str):
                 typer.echo(item, err=True)
                 continue
-            if item.at_s >= next_s:
-                next_s = item.at_s + _STEP_S
+            if abs(item.at_s - last_s) >= _STEP_S:  # also after the clock was set back
+                last_s = item.at_s
                 record = watch.step(messages.observation(item.at_s, item.at_s))
                 rides |= {record.id: record} if record else {}
-            messages.take(item.topic, item.decode(), item.at_s)
+            if item.topic == topics.IMU.name:
+                add_motion(watch, item.decode())
+            else:
+                messages.take(item.topic, item.decode(), item.at_s)
     last = watch.end()
     rides |= {last.id: last} if last else {}
     return list(rides.values())
@@ -131,15 +145,26 @@ def _print(title: str, rides: list[RideRecord]) -> None:
 
 
 def _write_page(
-    file: Path, title: str, rides: list[RideRecord], events: list[EventRecord], map_name: str | None
+    file: Path,
+    title: str,
+    rides: list[RideRecord],
+    events: list[EventRecord],
+    map_name: str | None,
+    folders: dict[str, Path],
 ) -> None:
+    """folders: of events by id, where they are not those of the black box."""
+    from robot_stack.cli.event_picture import event_picture
     from robot_stack.cli.report_page import report_page
-    from robot_stack.cli.report_pictures import ride_picture
+    from robot_stack.cli.report_pictures import battery_picture, ride_picture
+    from robot_stack.core.kept_events import events_dir
     from robot_stack.core.site_map import chosen_map, load_map
 
     name = chosen_map(map_name)
     grid = load_map(name).grid if name else None
     pictures = {ride.id: ride_picture(ride, grid) for ride in rides}
+    found = {event.id: event_picture(folders.get(event.id, events_dir() / event.id), event) for event in events}
+    shown = {name: picture for name, picture in found.items() if picture is not None}
+    text = report_page(title, rides, events, pictures, shown, battery_picture(rides, events))
     with writing(file):
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(report_page(title, rides, events, pictures), encoding="utf-8")
+        file.write_text(text, encoding="utf-8")

@@ -10,21 +10,29 @@ from html import escape
 from robot_stack.cli.html_page import figures, millimetres, page, seconds, state_line, table
 from robot_stack.contract.states import MissionState
 from robot_stack.core.kept_events import EventRecord
-from robot_stack.core.rides import RideRecord, RideStop
+from robot_stack.core.rides import RideComfort, RideRecord, RideStop
 
 # An event this long after a ride's end still belongs to it: a stop that ended the mission.
 _AFTER_S = 10.0
 
 
 def report_page(
-    title: str, rides: Sequence[RideRecord], events: Sequence[EventRecord], pictures: Mapping[str, bytes]
+    title: str,
+    rides: Sequence[RideRecord],
+    events: Sequence[EventRecord],
+    pictures: Mapping[str, bytes],
+    event_pictures: Mapping[str, bytes] | None = None,
+    battery: bytes | None = None,
 ) -> str:
-    """One HTML file that needs nothing else. pictures: a PNG of each ride by its id."""
+    """One HTML file that needs nothing else. pictures, event_pictures: PNGs by id. battery: a PNG of its charge."""
+    shown = event_pictures or {}
     parts = [
         f"<h1>{escape(title)}</h1>",
         figures(_totals(rides, events)),
         *table("Rides", ("begin", "mission", "ended as", "driven", "took", "stops"), map(_ride_row, rides)),
+        *([] if battery is None else ["<h3>Battery</h3>", _picture(battery, "The battery's charge over the day")]),
         *table("Kept events", ("at", "reasons", "folder"), map(_event_row, events)),
+        *(item for event in events if event.id in shown for item in _event(event, shown[event.id])),
     ]
     for ride in rides:
         parts += _ride(ride, [event for event in events if _belongs(event, ride)], pictures[ride.id])
@@ -48,7 +56,6 @@ def _totals(rides: Sequence[RideRecord], events: Sequence[EventRecord]) -> Itera
 
 
 def _ride(ride: RideRecord, events: Sequence[EventRecord], picture: bytes) -> list[str]:
-    source = f"data:image/png;base64,{b64encode(picture).decode()}"
     begin, end = ("unknown" if value is None else f"{value:.0%}" for value in ride.battery)
     numbers = (
         (f"{ride.distance_m:.1f} m", "driven"),
@@ -57,6 +64,7 @@ def _ride(ride: RideRecord, events: Sequence[EventRecord], picture: bytes) -> li
         (f"{ride.top_speed_mps:.2f} m/s", "top speed"),
         (f"{len(ride.stops)} ({seconds(ride.stood_s)})", "stops"),
         (f"{begin} to {end}", "battery"),
+        *_comfort(ride.comfort),
     )
     dockings = (
         (seconds(item.at_s), "unknown" if item.error_m is None else millimetres(item.error_m, item.error_deg))
@@ -66,12 +74,28 @@ def _ride(ride: RideRecord, events: Sequence[EventRecord], picture: bytes) -> li
         f'<h2 id="{escape(ride.id)}">{_clock(ride.began_s)} {escape(ride.mission_name or ride.mission_id)}</h2>',
         state_line(ride.state, ride.reason),
         figures(numbers),
-        f'<img src="{source}" alt="The route on the map with its numbered stops, and the speed over time">',
+        _picture(picture, "The route on the map with its numbered stops, and the speed over time"),
         *table("Stops", ("", "from", "for", "where", "why"), map(_stop_row, range(1, 10**6), ride.stops)),
         *table("Waypoints", ("", "done after"), ((item.name, seconds(item.done_s)) for item in ride.waypoints)),
         *table("Dockings", ("after", "off the dock pose, as measured by the robot"), dockings),
         *table("Kept events", ("at", "reasons", "folder"), map(_event_row, events)),
     ]
+
+
+def _comfort(comfort: RideComfort | None) -> Iterable[tuple[str, str]]:
+    """See docs/recording.md for what the numbers mean."""
+    if comfort is not None:
+        yield f"{comfort.total_mps2:.2f} m/s²", "vibration at the seat (ISO 2631-1)"
+        yield f"{comfort.jerk_p99_mps3:.1f} m/s³", "jerk, 99th percentile"
+
+
+def _event(event: EventRecord, picture: bytes) -> list[str]:
+    text = f"{_clock(event.at_s)} {', '.join(event.reasons)}"
+    return [f"<h4>{escape(text)}</h4>", _picture(picture, f"Around the robot at {text}")]
+
+
+def _picture(png: bytes, text: str) -> str:
+    return f'<img src="data:image/png;base64,{b64encode(png).decode()}" alt="{escape(text)}">'
 
 
 def _belongs(event: EventRecord, ride: RideRecord) -> bool:

@@ -52,12 +52,30 @@ class RidePoint(Config):
     speed_mps: float
 
 
+class RideComfort(Config):
+    """See ``robot_stack.core.comfort.Comfort``: x and y horizontal, z vertical; weighted by ISO 2631-1, at the seat."""
+
+    weighted_mps2: tuple[float, float, float]
+    total_mps2: float
+    jerk_p99_mps3: float
+    duration_s: float
+
+
+class RideCharge(Config):
+    """charge: of the battery, [0, 1], where it changed."""
+
+    at_s: float
+    charge: float
+
+
 class RideRecord(Config):
     """One mission from its start to its end.
 
-    id: date and time (UTC, ms) of the begin. began_s: s since the epoch. duration_s: on the ROS clock.
+    id: date and time (UTC, ms) of the begin. began_s: s since the epoch. duration_s: of the steady clock, in a
+    recording of the ROS clock.
     state: as in /mission/status; RUNNING, WAITING or PAUSED if the record ended before the mission did.
     distance_m: by odometry. carried_m: of it with a wheelchair. battery: [0, 1] at begin and end, None unknown.
+    comfort: None before the robot has driven for some seconds.
     """
 
     id: str
@@ -75,6 +93,8 @@ class RideRecord(Config):
     waypoints: tuple[RideWaypoint, ...] = ()
     dockings: tuple[RideDocking, ...] = ()
     path: tuple[RidePoint, ...] = ()
+    comfort: RideComfort | None = None
+    charges: tuple[RideCharge, ...] = ()
 
     @property
     def stood_s(self) -> float:

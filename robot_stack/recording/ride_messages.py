@@ -7,7 +7,7 @@ import time
 from typing import Any
 
 from robot_stack.contract import topics
-from robot_stack.recording.rides import Observation
+from robot_stack.recording.rides import Observation, RideWatch
 
 _ROWS = (
     topics.MISSION_STATUS,
@@ -20,8 +20,14 @@ _ROWS = (
 _STALE_S = {row.name: row.stale_s or math.inf for row in _ROWS}
 
 
+def add_motion(watch: RideWatch, message: Any) -> None:
+    """Adds a message of /sensors/imu."""
+    stamp, a, w = message.header.stamp, message.linear_acceleration, message.angular_velocity
+    watch.add_motion(stamp.sec + 1e-9 * stamp.nanosec, (a.x, a.y, a.z), (w.x, w.y, w.z))
+
+
 class RideMessages:
-    """Keeps the newest message of each topic. Times on the ROS clock, s."""
+    """Keeps the newest message of each topic. time_s: as ``Observation.time_s``."""
 
     names = tuple(_STALE_S)
     rows = _ROWS

@@ -6,9 +6,12 @@ import math
 from dataclasses import dataclass, field, replace
 
 from robot_stack.contract.states import ACTIVE, DOCKING, ENDED, DockingState, MissionState
+from robot_stack.core.comfort import ComfortMeter
 from robot_stack.core.rides import (
     STANDING_MPS,
     STOP_S,
+    RideCharge,
+    RideComfort,
     RideDocking,
     RidePoint,
     RideRecord,
@@ -26,6 +29,7 @@ _LONGEST_STEP_S = 1.0
 _MOST_ITEMS = 20_000
 # Of the causes of one stop: reasons contain numbers that change.
 _MOST_CAUSES = 20
+_CHARGE_STEP = 0.005
 _KNOWN = ACTIVE | ENDED | {MissionState.IDLE}
 
 
@@ -33,7 +37,8 @@ _KNOWN = ACTIVE | ENDED | {MissionState.IDLE}
 class Observation:
     """The robot at one moment. Unknown numbers are NaN.
 
-    id: for a ride that begins now. at_s: system clock, s since the epoch. time_s: ROS clock.
+    id: for a ride that begins now. at_s: system clock, s since the epoch. time_s: steady clock, in a
+    recording the ROS clock.
     state, waypoint, reason: of /mission/status, state empty while unknown. x, y: m, map. speed_mps: of the wheels.
     allowed_mps, limited_by: of /safety/velocity_limit. docking: state of /docking/status, with its errors in m and rad.
     battery: [0, 1].
@@ -60,9 +65,11 @@ class Observation:
 
 
 class RideWatch:
-    """Call ``step`` a few times a second. A clock that is set back stands still in the record meanwhile."""
+    """Call ``step`` a few times a second. A recording's clock that is set back stands still in the record meanwhile."""
 
-    def __init__(self) -> None:
+    def __init__(self, seat: tuple[float, float, float]) -> None:
+        """seat: see ``ComfortMeter``."""
+        self._seat = seat
         self._ride: _Ride | None = None
         self._saved_s = self._last_s = -math.inf
         self._back_s = 0.0  # by which the clock was set back
@@ -80,7 +87,7 @@ class RideWatch:
         if ride is None:
             if seen.state not in ACTIVE:
                 return None
-            ride = self._ride = _Ride(seen)
+            ride = self._ride = _Ride(seen, ComfortMeter(self._seat))
             self._saved_s = -math.inf
         ride.step(seen)
         if seen.state in ENDED:
@@ -89,6 +96,16 @@ class RideWatch:
             return None
         self._saved_s = seen.time_s
         return ride.record()
+
+    def add_motion(
+        self,
+        stamp_s: float,
+        acceleration_mps2: tuple[float, float, float],
+        rotation_radps: tuple[float, float, float],
+    ) -> None:
+        """A sample of the inertial unit, see ``ComfortMeter.add``."""
+        if self._ride is not None:
+            self._ride.add_motion(stamp_s, acceleration_mps2, rotation_radps)
 
     def end(self) -> RideRecord | None:
         """The ride under way as far as it is known, at the end of the data."""
@@ -124,8 +141,10 @@ class _Standing:
 
 
 class _Ride:
-    def __init__(self, first: Observation) -> None:
+    def __init__(self, first: Observation, comfort: ComfortMeter) -> None:
         self.first = self._last = first
+        self._comfort = comfort
+        self._charges: list[RideCharge] = []
         self._standing: _Standing | None = None
         self._stops: list[RideStop] = []
         self._waypoints: list[RideWaypoint] = []
@@ -144,6 +163,9 @@ class _Ride:
             self._top_mps = max(self._top_mps, seen.speed_mps)
         if math.isnan(self._battery):
             self._battery = seen.battery
+        last = self._charges[-1].charge if self._charges else math.inf
+        if abs(seen.battery - last) >= _CHARGE_STEP and len(self._charges) < _MOST_ITEMS:
+            self._charges.append(RideCharge(at_s=_s(after_s), charge=round(seen.battery, 3)))
         if before.waypoint and seen.waypoint != before.waypoint:
             self._waypoints.append(RideWaypoint(name=before.waypoint, done_s=_s(after_s)))
         if seen.docking == DockingState.DOCKED and before.docking in DOCKING and not before.attached:
@@ -156,6 +178,27 @@ class _Ride:
             self._dockings.append(error)
         self._stand(seen)
         self._walk(seen, after_s)
+
+    def add_motion(
+        self,
+        stamp_s: float,
+        acceleration_mps2: tuple[float, float, float],
+        rotation_radps: tuple[float, float, float],
+    ) -> None:
+        moves = self._last.speed_mps >= STANDING_MPS
+        self._comfort.add(stamp_s, acceleration_mps2, rotation_radps, moves=moves)
+
+    def _ride_comfort(self) -> RideComfort | None:
+        found = self._comfort.comfort()
+        if found is None:
+            return None
+        x, y, z = (round(value, 4) for value in found.weighted_mps2)
+        return RideComfort(
+            weighted_mps2=(x, y, z),
+            total_mps2=round(found.total_mps2, 4),
+            jerk_p99_mps3=round(found.jerk_p99_mps3, 2),
+            duration_s=_s(found.duration_s),
+        )
 
     def _stand(self, seen: Observation) -> None:
         if seen.speed_mps >= STANDING_MPS:
@@ -204,6 +247,8 @@ class _Ride:
             waypoints=tuple(self._waypoints),
             dockings=tuple(self._dockings),
             path=tuple(self._path),
+            comfort=self._ride_comfort(),
+            charges=tuple(self._charges),
         )
 
 

@@ -15,8 +15,11 @@ from robot_stack.cli.errors import CommandError
 from robot_stack.cli.html_page import seconds
 from robot_stack.cli.report import _day
 from robot_stack.cli.report_page import report_page
+from robot_stack.cli.report_pictures import battery_picture
 from robot_stack.core.kept_events import EventRecord, EventState, Software, Trigger
 from robot_stack.core.rides import (
+    RideCharge,
+    RideComfort,
     RideDocking,
     RidePoint,
     RideRecord,
@@ -45,6 +48,8 @@ _RIDE = RideRecord(
     waypoints=(RideWaypoint(name="gate & yard", done_s=30.0),),
     dockings=(RideDocking(at_s=25.0, error_m=0.0007, error_deg=0.05),),
     path=tuple(RidePoint(at_s=float(i), x=0.5 * i, y=0.0, speed_mps=0.5) for i in range(10)),
+    comfort=RideComfort(weighted_mps2=(0.1, 0.1, 0.2), total_mps2=0.245, jerk_p99_mps3=0.8, duration_s=40.0),
+    charges=(RideCharge(at_s=0.0, charge=0.8), RideCharge(at_s=50.0, charge=0.72)),
 )  # fmt: skip
 _EVENT = EventRecord(
     id="20260501-120100",
@@ -77,6 +82,33 @@ def test_the_page_shows_rides_stops_and_events() -> None:
     assert len(read.pictures) == 2
     # In the day's list, and with its ride only.
     assert read.text.count("TILT") == 2
+
+
+def test_comfort_battery_and_pictures_of_events_are_shown() -> None:
+    pictures = {_RIDE.id: b"ride"}
+    read = Reader(report_page("Friday", [_RIDE], [_EVENT], pictures, {_EVENT.id: b"event"}, b"battery"))
+    for text in ("0.24 m/s²", "ISO 2631-1", "0.8 m/s³", "99th percentile"):
+        assert text in read.text, text
+    assert len(read.pictures) == 3
+    older = _RIDE.model_copy(update={"comfort": None})
+    assert "ISO 2631-1" not in Reader(report_page("Friday", [older], [], pictures)).text
+
+
+def test_the_battery_is_drawn_over_the_day() -> None:
+    evening = _RIDE.model_copy(update={"began_s": _NOON_S + 6.0 * 3600.0})
+    noon, day = battery_picture([_RIDE], []), battery_picture([_RIDE, evening], [_EVENT])
+    assert noon is not None
+    assert day is not None
+    assert noon != day
+    assert battery_picture([_RIDE.model_copy(update={"charges": (), "battery": (None, None)})], []) is None
+
+
+def test_a_record_of_earlier_software_is_read(state: Path) -> None:
+    data = _RIDE.model_dump(mode="json", exclude={"comfort", "charges"})
+    rides_dir().mkdir(parents=True)
+    (rides_dir() / "old.json").write_text(json.dumps(data))
+    (ride,) = json.loads(call("2026-05-01", "--json").stdout)
+    assert (ride["comfort"], ride["charges"]) == (None, [])
 
 
 def test_the_report_of_a_day(state: Path) -> None:

@@ -27,7 +27,7 @@ class Day:
     """Observations in steps of 0.2 s: the robot moves along x at its speed."""
 
     def __init__(self) -> None:
-        self.watch, self.time_s, self.x = RideWatch(), 100.0, 0.0
+        self.watch, self.time_s, self.x = RideWatch((1.4, 0.0, 0.5)), 100.0, 0.0
         self.records: list[RideRecord] = []
 
     def run(self, duration_s: float, seen: Observation = _RIDING) -> None:
@@ -73,6 +73,27 @@ def test_a_ride_under_way_is_written_at_its_begin_and_every_ten_seconds() -> Non
     assert [record.duration_s for record in day.records] == pytest.approx([0.0, 10.0, 20.0])
     assert len({record.id for record in day.records}) == 1
     assert {record.state for record in day.records} == {"RUNNING"}
+
+
+def test_the_comfort_counts_while_the_robot_drives_and_the_charge_where_it_changes() -> None:
+    watch, record = RideWatch((1.2, 0.0, 0.5)), None
+    for count in range(200):
+        at_s = 0.2 * count
+        drives = 10.0 <= at_s < 30.0
+        seen = Observation(
+            "ride", at_s, at_s, "tour", "Tour", "RUNNING", speed_mps=1.0 if drives else 0.0, battery=0.9 - 0.001 * at_s
+        )
+        record = watch.step(seen) or record
+        for sample in range(20):
+            now_s = at_s + 0.01 * sample
+            up = math.sqrt(2.0) * math.sin(math.tau * 8.0 * now_s) * (1.0 if drives else 9.0)
+            watch.add_motion(now_s, (0.0, 0.0, 9.81 + up), (0.0, 0.0, 0.0))
+    record = watch.end()
+    assert record is not None
+    assert record.comfort is not None
+    assert record.comfort.weighted_mps2[2] == pytest.approx(1.036, rel=0.02)
+    assert 15.0 < record.comfort.duration_s < 20.5
+    assert [item.charge for item in record.charges] == pytest.approx([0.9 - 0.005 * n for n in range(8)], abs=1e-3)
 
 
 def test_a_clock_that_is_set_back_costs_nothing_of_a_ride() -> None:
