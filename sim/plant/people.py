@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from robot_stack.core.geometry import Pose2
+from robot_stack.core.geometry import Pose2, wrap_angle
 from robot_stack.core.robot import Footprint
 from sim.polyline import Polyline
 from sim.worldfile import Person
@@ -20,6 +20,7 @@ RADIUS_M, HEIGHT_M = 0.25, 1.75
 _ROOM_M = 0.6
 _AHEAD_COS = 0.4
 _PATIENCE_S = 4.0
+_RESUME_STEP_S = 0.05
 
 
 class Walker:
@@ -43,8 +44,7 @@ class Walker:
         length_m = self._line.length_m
         if not length_m:
             return self._line.pose_at(0.0)
-        one_way_s = length_m / person.speed_mps
-        half_s = one_way_s + person.pause_s
+        one_way_s, half_s = length_m / person.speed_mps, self._half_s()
         turns, into_s = divmod(walked_s, half_s)
         done_m = min(into_s, one_way_s) * person.speed_mps
         if int(turns) % 2 == 0:
@@ -63,10 +63,24 @@ class Walker:
             self._waited_s = 0.0
             self._turn_back()
 
+    def resume_at(self, pose: Pose2) -> None:
+        """Continues the walk from its pose nearest to ``pose``; at an end the rest begins anew."""
+        steps = math.ceil(2.0 * self._half_s() / _RESUME_STEP_S)
+        self._walk_to(min((_RESUME_STEP_S * step for step in range(steps)), key=lambda at_s: self._off(at_s, pose)))
+        self._waited_s = 0.0
+
+    def _off(self, walked_s: float, pose: Pose2) -> float:
+        """Distance of the pose after this walk, and of its heading, of which 1 rad counts as 1 m."""
+        error = self.pose_after(walked_s).relative_to(pose)
+        return math.hypot(error.x, error.y) + abs(wrap_angle(error.yaw))
+
+    def _half_s(self) -> float:
+        """Time for one way and the rest at its end."""
+        return self._line.length_m / self._person.speed_mps + self._person.pause_s
+
     def _turn_back(self) -> None:
         """Turns to the same place in the other direction; a person who rests at an end keeps resting."""
-        one_way_s = self._line.length_m / self._person.speed_mps
-        half_s = one_way_s + self._person.pause_s
+        one_way_s, half_s = self._line.length_m / self._person.speed_mps, self._half_s()
         turns, into_s = divmod(self._walked_s, half_s)
         if into_s < one_way_s:
             self._walk_to((turns + 1.0) * half_s + one_way_s - into_s)

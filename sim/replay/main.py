@@ -4,25 +4,21 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import io
 import json
 import math
-import os
-import shutil
 import sys
-import tarfile
-import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from robot_stack.core.config import ConfigError, config_dir, load
+from robot_stack.core.config import ConfigError, load
 from robot_stack.supervisor.profile import parse_setting
 from sim.replay.nodes import REPLAYED, rows_of
 from sim.replay.params import ReplayParams
 from sim.replay.recorded import NODES, Recorded, ReplayError, read_recording, write_thinned
 from sim.replay.replay import NodeResult, Row, replay
+from sim.replay.stored import stored_configuration
 
 EXIT_EQUAL, EXIT_DIFFERENT, EXIT_REFUSED, EXIT_INTERRUPTED = 0, 1, 2, 130
 _HELP: Final = """\
@@ -58,7 +54,8 @@ def replay_recording(
         node, name, value = parse_setting(setting, set(NODES))
         parameters.setdefault(node, {})[name] = value
     params = load(ReplayParams, "replay")
-    with contextlib.nullcontext() if present else _stored(recorded.configuration):
+    stored = None if present else recorded.configuration
+    with contextlib.nullcontext() if stored is None else stored_configuration(stored):
         return [replay(node, recorded, parameters, params) for node in nodes]
 
 
@@ -160,32 +157,6 @@ def _write_json(path: Path, results: Sequence[NodeResult]) -> None:
         path.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
     except OSError as error:
         raise ReplayError(f"{path} cannot be written: {error.strerror or error}") from None
-
-
-@contextlib.contextmanager
-def _stored(configuration: bytes | None) -> Iterator[None]:
-    """The stored YAML files in force. The other files, which are identified by checksums in them, are the present ones.
-
-    Raises ReplayError for an archive that cannot be read.
-    """
-    assert configuration is not None
-    before = os.environ.get("ROBOT_STACK_CONFIG")
-    with tempfile.TemporaryDirectory(prefix="robot_stack_replay-") as name:
-        folder = Path(name) / "config"
-        shutil.copytree(config_dir(), folder, ignore=shutil.ignore_patterns("*.yaml"))
-        try:
-            with tarfile.open(fileobj=io.BytesIO(configuration), mode="r:gz") as archive:
-                archive.extractall(name, filter="data")
-        except (tarfile.TarError, OSError, EOFError) as error:
-            raise ReplayError(f"the configuration stored with the recording cannot be read: {error}") from None
-        os.environ["ROBOT_STACK_CONFIG"] = str(folder)
-        try:
-            yield
-        finally:
-            if before is None:
-                os.environ.pop("ROBOT_STACK_CONFIG", None)
-            else:
-                os.environ["ROBOT_STACK_CONFIG"] = before
 
 
 def _names(nodes: Any) -> str:

@@ -35,10 +35,13 @@ from sim.scheduler.scheduler import Failure
 from sim.settings import FEW_BEAMS, pose_settings, world_settings
 from sim.stack.faults import PlannedFault
 from sim.stack.invariants import Broken, Invariants
+from sim.stack.moment import RecordedMoment
 from sim.stack.recording import record_run
 from sim.stack.stack import SimulatedStack, StackSetup
 
 _READY_S = 60.0
+# Until the mission manager has received the safety status that lets the robot drive.
+_RESUME_AFTER_S = 0.5
 _TELEOP_PERIOD_S = 0.05
 _PROGRESS_PERIOD_S = 1.0
 # Distance at which a standing robot counts as having reached its goal.
@@ -55,6 +58,7 @@ class RunOptions:
 
     record: the folder of an MCAP recording, None for none. parallel: jobs and sensors may use both cores. until_s: ends
     the run before the scenario does. faults: raised beside those of the scenario. black_box: see ``StackSetup``.
+    moment: of a recording, from which the scenario goes on.
     """
 
     light: bool = False
@@ -63,6 +67,7 @@ class RunOptions:
     until_s: float = math.inf
     faults: tuple[PlannedFault, ...] = ()
     black_box: bool = False
+    moment: RecordedMoment | None = None
 
 
 @dataclass(slots=True)
@@ -103,6 +108,7 @@ class ScheduledRun:
             _settings(scenario, light=self.options.light),
             tuple(scenario.only),
             black_box=self.options.black_box,
+            prepare=None if self.options.moment is None else self.options.moment.prepare,
         )
         self.stack = SimulatedStack(setup, parallel=self.options.parallel)
         self.run_log = RunLog()
@@ -118,6 +124,8 @@ class ScheduledRun:
     def __enter__(self) -> ScheduledRun:
         stack = self.stack
         stack.__enter__()
+        if self.options.moment is not None:
+            self.options.moment.write_journal()
         scheduler = stack.scheduler
         self.digest = Digest((str(stack.folder).encode(), str(scheduler.runtime_folder).encode()))
         scheduler.add_observer(self.digest)
@@ -194,7 +202,11 @@ class ScheduledRun:
         self.notes.begin()
         if self.scenario.passenger_mass_kg is not None:
             self._passenger.publish(Bool(data=True))
-        if self.scenario.mission is not None:
+        moment = self.options.moment
+        if moment is not None and moment.record is not None:
+            if moment.resumes:
+                scheduler.at(scheduler.now_ns + round(_RESUME_AFTER_S * NANOSECONDS), self.command, UICommand.RESUME)
+        elif self.scenario.mission is not None:
             self.start_mission(self.scenario.mission)
         self._every(1.0 / topics.SIM_GROUND_TRUTH.nominal_rate_hz, self._note_truth)
         self._every(_TELEOP_PERIOD_S, self._act)

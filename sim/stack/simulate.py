@@ -9,7 +9,7 @@ import signal
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -17,10 +17,12 @@ from typing import Any, Final
 from robot_stack.core.config import ConfigError
 from sim.plant.faults import FaultRefused
 from sim.plant.world import SimulationDiverged
+from sim.replay.stored import stored_configuration
 from sim.run.scenario import Scenario
 from sim.stack.campaign import planned_faults, shrunk
 from sim.stack.choice import choose_scenario
 from sim.stack.faults import plan_text
+from sim.stack.moment import EVENT_LEAD_S, RecordedMoment, moment_in, parse_moment, read_moment
 from sim.stack.progress import RunProgress
 from sim.stack.result_folder import ResultFolder
 from sim.stack.run import RunFailed, RunOptions, RunResult, ScheduledRun
@@ -32,7 +34,7 @@ message by message: compare the digests. A breakpoint in a node stops the world.
 
 SCENARIO is a YAML file, the name of one in config/scenarios/, mission:<id> for a mission from the start of its world,
 demo for the ride of launch_scripts/demo, demo:short for that of launch_scripts/demo --short, or random for a ride drawn
-from the seed.
+from the seed. --from instead of it begins at a moment of a recording: the output lists what is as recorded, what not.
 
 The results are in <output>/<scenario>-<time>: figures.json, plots, the effective scenario and configuration, log.txt
 and nodes.log. Ctrl-C ends the run with its figures so far."""
@@ -43,11 +45,11 @@ exit codes: 0 as expected; 1 an expectation is not fulfilled, a process failed, 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """The run to carry out. faults: value of ``--faults``. argument: SCENARIO as given."""
+    """The run to carry out. faults: value of ``--faults``. argument: SCENARIO, or --from with its value, as given."""
 
     scenario: Scenario
     name: str
-    argument: str
+    argument: tuple[str, ...]
     options: RunOptions
     faults: str | None = None
     world: str | None = None
@@ -56,7 +58,7 @@ class Job:
         """The command that repeats the run."""
         until_s, options = self.options.until_s, self.options
         words = [
-            *("robot-stack", "simulate", self.argument, "--seed", str(self.scenario.seed)),
+            *("robot-stack", "simulate", *self.argument, "--seed", str(self.scenario.seed)),
             *(("--world", self.world) if self.world else ()),
             *(("--faults", self.faults) if self.faults else ()),
             *(("--until", f"{until_s:g}") if math.isfinite(until_s) else ()),
@@ -85,9 +87,10 @@ class Outcome:
 def main(arguments: Sequence[str] | None = None) -> int:
     try:
         chosen = read_options(arguments)
-        job = make_job(chosen)
-        folder = ResultFolder(chosen.output, job.name)
-        return _run(job, folder, plots=not chosen.no_plots, shrinks=chosen.shrink)
+        with moment_of(chosen) as moment:
+            job = make_job(chosen, moment)
+            folder = ResultFolder(chosen.output, job.name)
+            return _run(job, folder, plots=not chosen.no_plots, shrinks=chosen.shrink)
     except ConfigError as error:
         print(f"simulate: {error}", file=sys.stderr)
         return EXIT_REFUSED
@@ -103,7 +106,19 @@ def read_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("scenario", metavar="SCENARIO", help="a file, a name, mission:<id>, demo, demo:short or random")
+    parser.add_argument(
+        "scenario", metavar="SCENARIO", nargs="?", help="a file, a name, mission:<id>, demo, demo:short or random"
+    )
+    parser.add_argument(
+        "--from",
+        dest="begin",
+        metavar="FILE[@SECONDS]",
+        help="begin at this moment of a recording: an MCAP file, or the folder of a recording or event; "
+        f"default: {EVENT_LEAD_S:g} s before an event's first trigger, 1 s after the begin of another recording",
+    )
+    parser.add_argument(
+        "--present-config", action="store_true", help="with --from: the present configuration, not the stored one"
+    )
     parser.add_argument("--seed", type=_seed, metavar="N", help="of all noise, delays and faults; default: scenario's")
     parser.add_argument("--world", metavar="NAME", help="a world of config/worlds/ instead of the scenario's")
     parser.add_argument("--faults", metavar="FILE|random[:N]", help="faults of a YAML file, or of the seed")
@@ -115,6 +130,8 @@ def read_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--output", type=Path, metavar="FOLDER", default=Path("results"), help="where results go")
     parser.add_argument("--no-plots", action="store_true", help="figures only")
     options = parser.parse_args(arguments)
+    if (options.scenario is None) == (options.begin is None):
+        parser.error("give either SCENARIO or --from")
     if options.shrink and options.faults is None:
         parser.error("--shrink needs --faults")
     if options.record is not None and options.record.exists():
@@ -122,12 +139,30 @@ def read_options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     return options
 
 
-def make_job(options: argparse.Namespace) -> Job:
+@contextmanager
+def moment_of(options: argparse.Namespace) -> Iterator[RecordedMoment | None]:
+    """The moment of ``--from``, with the configuration stored with the recording in force. Raises ConfigError."""
+    if options.begin is None:
+        yield None
+        return
+    path, at_s = parse_moment(options.begin)
+    recorded, at_s = read_moment(path, at_s)
+    stored = None if options.present_config else recorded.configuration
+    with nullcontext() if stored is None else stored_configuration(stored):
+        yield moment_in(recorded, at_s)
+
+
+def make_job(options: argparse.Namespace, moment: RecordedMoment | None = None) -> Job:
     """Raises ConfigError."""
-    scenario, name = choose_scenario(options.scenario, options.seed, options.world)
+    if moment is None:
+        scenario, name = choose_scenario(options.scenario, options.seed, options.world)
+        argument: tuple[str, ...] = (options.scenario,)
+    else:
+        scenario, name = moment.scenario(options.seed, options.world), f"from-{moment.path.resolve().stem}"
+        argument = ("--from", options.begin, *(("--present-config",) if options.present_config else ()))
     faults = planned_faults(options.faults or "", scenario.seed, scenario, options.until)
-    run_options = RunOptions(options.light, options.record, not options.serial, options.until, faults)
-    return Job(scenario, name, options.scenario, run_options, options.faults, options.world)
+    run_options = RunOptions(options.light, options.record, not options.serial, options.until, faults, moment=moment)
+    return Job(scenario, name, argument, run_options, options.faults, options.world)
 
 
 def carry_out(job: Job, log: Callable[[str], None], progress: RunProgress, node_log: Any) -> Outcome:
@@ -165,6 +200,8 @@ def _run(job: Job, folder: ResultFolder, *, plots: bool, shrinks: bool) -> int:
     scenario = job.scenario
     log(f"{job.name}: {scenario.description}")
     log(f"world {scenario.world}, seed {scenario.seed}: {job.command()}")
+    for line in job.options.moment.lines() if job.options.moment is not None else ():
+        log(line)
     folder.write_inputs(scenario)
     try:
         outcome = carry_out(job, log, RunProgress(sys.stdout), folder.write_node_log)

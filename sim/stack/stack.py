@@ -44,6 +44,7 @@ class StackSetup:
     """Settings of one run. settings: ``node.parameter=value`` on top of the profile. only: processes, all if empty.
 
     black_box: runs it too. It writes 7 MB per simulated second into files that are deleted with the run.
+    prepare: called with the first world before its first step.
     """
 
     seed: int
@@ -51,6 +52,7 @@ class StackSetup:
     only: tuple[str, ...] = ()
     profile: str = "sim"
     black_box: bool = False
+    prepare: Callable[[ScheduledWorld], None] | None = None
 
 
 class SimulatedStack(Observer):
@@ -135,10 +137,12 @@ class SimulatedStack(Observer):
 
     def _begin_world(self) -> None:
         nodes = cast(tuple[SimWorld, ImuDriver, BatteryDriver], tuple(self.scheduler.processes[_WORLD].nodes))
-        scheduler = self.scheduler
+        scheduler, first = self.scheduler, self.world is None
         world = self.world = ScheduledWorld(
             nodes, lambda: scheduler.now_ns, lambda: scheduler.computer().system_start_ns
         )
+        if first and self.setup.prepare is not None:
+            self.setup.prepare(world)
         world.sim.processes = self.faults.processes
         world.after_block.append(self.faults.update)
         scheduler.every(world.block_ns, world.run_block, start_ns=scheduler.now_ns + world.block_ns)

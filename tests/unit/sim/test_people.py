@@ -143,3 +143,14 @@ def test_world_reports_touched_objects() -> None:
 def test_wrong_people_pits_and_surfaces_are_refused(change: dict[str, Any], field: str) -> None:
     with pytest.raises(ConfigError, match=field):
         validate(WorldFile, {**MINIMAL, **change}, "test.yaml")
+
+
+@pytest.mark.parametrize("walked_s", [0.0, 2.0, 5.0, 9.5, 12.0, 15.0])
+def test_a_walk_is_resumed_where_and_how_it_was(walked_s: float) -> None:
+    before, after = Walker(ANNA), Walker(ANNA)
+    before.step(walked_s, FAR, ROBOT.footprint)
+    after.resume_at(before.pose())
+    for walker in (before, after):
+        walker.step(1.0, FAR, ROBOT.footprint)
+    assert after.pose().distance_to(before.pose()) < 0.06
+    assert after.pose().yaw == pytest.approx(before.pose().yaw)

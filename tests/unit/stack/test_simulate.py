@@ -43,7 +43,8 @@ def test_without_options_a_scenario_runs_as_it_is_written() -> None:
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
-        ([], "SCENARIO"),
+        ([], "give either SCENARIO or --from"),
+        (["bus_loss", "--from", "ride.mcap"], "give either SCENARIO or --from"),
         (["bus_loss", "--seed", "-1"], "a seed is a whole number from 0 on, is '-1'"),
         (["bus_loss", "--seed", "x"], "a seed is a whole number from 0 on, is 'x'"),
         (["bus_loss", "--until", "0"], "must be a number of seconds above 0, is '0'"),
@@ -63,6 +64,8 @@ def test_wrong_options_are_refused(arguments: list[str], problem: str, capsys: p
     ("arguments", "problem"),
     [
         (["nothing"], "no scenario file 'nothing'"),
+        (["--from", "/nowhere.mcap"], "--from /nowhere.mcap cannot be read"),
+        (["--from", "/nowhere.mcap@soon"], "@ is followed by seconds"),
         (["mission:nothing"], "there is no mission 'nothing'; known: "),
         (["bus_loss", "--world", "moon"], "moon"),
         (["bus_loss", "--faults", "/nowhere.yaml"], "/nowhere.yaml"),
