@@ -11,6 +11,8 @@ from robot_stack.mission.events import Inputs
 _BATTERY_FAULTS = ("BATTERY_LOW", "BATTERY_CRITICAL")
 # People walk past a robot that stands.
 _PASSES_BY = frozenset({"COLLISION_IMMINENT"})
+# The safety monitor stops all motion except that of an undocking.
+_PERMIT_UNDOCKING = frozenset({"LATCH_NOT_CLOSED"})
 
 
 def finite(pose: Pose2 | None) -> Pose2 | None:
@@ -42,15 +44,15 @@ def lost(inputs: Inputs) -> bool:
     return "LOCALIZATION_LOST" in inputs.faults
 
 
-def held_by(inputs: Inputs) -> str:
-    """Why the robot cannot move at present although the mission is active."""
+def held_by(inputs: Inputs, *, undocks: bool = False) -> str:
+    """Why the robot cannot move at present although the mission is active. undocks: it is to leave a wheelchair."""
     if inputs.pose is None:
         return "waiting for pose: no fresh /current_pose"
     if not inputs.pose.is_finite():
         return "waiting for pose: /current_pose is not finite"
     if not inputs.safety_known:
         return "held: no fresh /safety/status"
-    stops = stopping_faults(inputs)
+    stops = [code for code in stopping_faults(inputs) if not (undocks and code in _PERMIT_UNDOCKING)]
     return f"held by safety: {', '.join(stops)}" if stops else ""
 
 

@@ -821,7 +821,8 @@ class MissionKernel:
     def _dock(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         task = docking.task_of(self._record, self._docks)
         assert task is not None
-        held, attached = guards.held_by(inputs), self._record.passenger_attached
+        held = guards.held_by(inputs, undocks=task.kind is Kind.UNDOCK)
+        attached = self._record.passenger_attached
         if held or not self._calls.about_to_start(inputs):
             self._departure.drop()
         elif not self._departure.cleared(dt_s):

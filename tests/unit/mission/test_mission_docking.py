@@ -631,3 +631,19 @@ def test_manual_docking_without_mission_is_displayed(story, state, display):
 def test_approach_to_charging_station_displays_navigating(story):
     story.start(CHARGE).tick()
     assert story.status.display == Display.NAVIGATING
+
+
+# --- a latch that does not hold ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("faults", "held_by"), [(("LATCH_NOT_CLOSED",), ""), (("LATCH_NOT_CLOSED", "TILT"), "held by safety: TILT")]
+)
+def test_a_latch_that_does_not_hold_the_wheelchair_is_no_reason_against_undocking(undocking, faults, held_by):
+    """The safety monitor stops all motion but an undocking."""
+    call = undocking.called()
+    undocking.command(ev.PAUSE).ends(False, "cancelled", call=call).clear()
+    undocking.given(faults=faults, docking_state="FAILED").command(ev.RESUME).tick()
+    assert undocking.state is State.UNDOCKING
+    assert undocking.calls() == ([] if held_by else [("undock", "chair_1")])
+    assert undocking.status.reason == f"undocking from chair_1: {held_by or 'waiting for an answer'}"
