@@ -13,7 +13,7 @@ from robot_stack.fleet.instant import without_ended
 from robot_stack.fleet.order import Action, Node, Order
 from robot_stack.fleet.record import RESULT_LENGTH, ActionState, GraphPart, OrderRecord, Phase, Record, digest
 from robot_stack.fleet.robot import RobotView
-from robot_stack.fleet.vehicle import Vehicle, check, check_loads, start_problem, stops_of
+from robot_stack.fleet.vehicle import START_CHARGING, Vehicle, check, check_loads, start_problem, stops_of
 from robot_stack.fleet.version import Version
 
 # Of one order with all its updates: they stay in the state until the next order.
@@ -92,7 +92,8 @@ def _new(record: Record, order: Order, robot: RobotView, vehicle: Vehicle, now_s
     if vehicle.version is Version.V3 and order.update_id != 0:
         raise order.refused(ErrorType.ORDER_UPDATE, "a new order has the orderUpdateId 0")
     if current is not None and current.under_way:
-        text = f"the order {current.id!r} is under way: update it, or cancel it first"
+        how = "charges: send stopCharging first" if current.charges else "is under way: update it, or cancel it first"
+        text = f"the order {current.id!r} {how}"
         raise order.refused(ErrorType.OTHER_ORDER, text, ("activeOrderId", current.id))
     mode = mode_of(robot, current)
     if mode is not Mode.AUTOMATIC:
@@ -120,6 +121,7 @@ def _new(record: Record, order: Order, robot: RobotView, vehicle: Vehicle, now_s
         decision=(base[-1].id, base[-1].sequence_id),
         end=Pose2(stops[-1].x, stops[-1].y, stops[-1].yaw),
         loaded=loaded,
+        charging=_charges(base),
         actions=_states(order.nodes),
         load_ids=_load_ids(base),
         accepted_ms=round(now_s * 1e3),
@@ -140,6 +142,8 @@ def _update(record: Record, current: OrderRecord, order: Order, robot: RobotView
     if current.phase in (Phase.CANCELLING, Phase.CANCELLED, Phase.ABORTED):
         how = "was cancelled" if current.phase is not Phase.ABORTED else f"has ended: {current.reason}"
         raise order.refused(ErrorType.UPDATE_AFTER_CANCEL, f"the order {how}: send a new order")
+    if current.charging:
+        raise order.refused(ErrorType.ORDER_UPDATE, "the order ends with startCharging: send stopCharging first")
     first = order.nodes[0]
     if (first.id, first.sequence_id) != current.decision:
         node, number = current.decision
@@ -169,6 +173,7 @@ def _update(record: Record, current: OrderRecord, order: Order, robot: RobotView
             "decision": (last.id, last.sequence_id),
             "end": Pose2(stops[-1].x, stops[-1].y, stops[-1].yaw) if stops else current.end,
             "loaded": loaded,
+            "charging": _charges(base),
             "actions": (*kept, *_states((*base, *horizon))),
             "load_ids": current.load_ids | _load_ids(base),
             "digest": order.digest,
@@ -185,6 +190,10 @@ def _check_number(order: Order, before: int, actions: tuple[Action, ...]) -> Non
 
 def _actions(nodes: tuple[Node, ...]) -> tuple[Action, ...]:
     return tuple(action for node in nodes for action in node.actions)
+
+
+def _charges(base: tuple[Node, ...]) -> bool:
+    return any(action.type == START_CHARGING for action in _actions(base))
 
 
 def _nodes(nodes: tuple[Node, ...]) -> tuple[GraphPart, ...]:

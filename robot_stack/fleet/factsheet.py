@@ -15,7 +15,7 @@ from robot_stack.fleet import acceptance, instant
 from robot_stack.fleet.codec import Data
 from robot_stack.fleet.order import MAX_ID_LENGTH
 from robot_stack.fleet.params import FleetParams
-from robot_stack.fleet.vehicle import LOAD_POSITION, LOAD_TYPE, MAX_LOAD_ID_LENGTH, NODE_ACTIONS, Vehicle
+from robot_stack.fleet.vehicle import LOAD_POSITION, LOAD_TYPE, MAX_LOAD_ID_LENGTH, Vehicle
 from robot_stack.fleet.version import Version
 
 _MAX_ENUM_LENGTH: Final = 300  # longer texts of the robot are cut
@@ -25,6 +25,8 @@ _TEXTS: Final = {
     "pick": f"Docks to the wheelchair of a station and latches it. {_STANDS}",
     "drop": f"Puts the wheelchair down where the robot stands, and backs off. {_STANDS}",
     "wait": f"Manufacturer's own: waits. {_STANDS}",
+    "startCharging": f"Docks to a charger, at the end of an order; it goes on after stopCharging alone. {_STANDS}",
+    "stopCharging": "Leaves the charger, back to the node of startCharging.",
     "cancelOrder": "Stops at once. While docking the robot stands where it is, and staff look after it.",
     "startPause": "Pauses the order under way.",
     "stopPause": "Ends a pause by startPause, not that of a person.",
@@ -73,8 +75,8 @@ def factsheet(robot: Robot, vehicle: Vehicle, params: FleetParams) -> Data:
                 for name, (support, text) in _FIELDS.items()
             ],
             "agvActions": [
-                *(_action(name, "NODE", vehicle) for name in NODE_ACTIONS),
-                *(_action(name, "INSTANT", vehicle) for name in instant.SUPPORTED[vehicle.version]),
+                *(_action(name, "NODE", vehicle) for name in vehicle.node_actions),
+                *(_action(name, "INSTANT", vehicle) for name in instant.supported(vehicle)),
             ],
         },
         "agvGeometry": {
@@ -160,6 +162,7 @@ def _action(name: str, scope: str, vehicle: Vehicle) -> Data:
 
 def _parameters(name: str, vehicle: Vehicle) -> list[Data]:
     chairs = ", ".join(sorted(dock for dock, kind in vehicle.docks.items() if kind == "wheelchair"))
+    chargers = ", ".join(vehicle.chargers)
     pose = [
         ("x", "FLOAT", "m", False),
         ("y", "FLOAT", "m", False),
@@ -171,6 +174,7 @@ def _parameters(name: str, vehicle: Vehicle) -> list[Data]:
         "pick": [("stationName", "STRING", f"one of: {chairs}", False), *_LOAD_PARAMETERS],
         "drop": [("stationName", "STRING", "name of the place, without an effect", True), *_LOAD_PARAMETERS],
         "wait": [("duration", "FLOAT", "s", False)],
+        "startCharging": [("stationName", "STRING", f"one of: {chargers}", len(vehicle.chargers) == 1)],
         "initPosition": pose,
         "initializePosition": pose,
     }

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from robot_stack.core.geometry import Pose2
+from robot_stack.fleet import progress
 from robot_stack.fleet.errors import Error, ErrorType, Refused, shortened
 from robot_stack.fleet.order import MAX_ID_LENGTH, Action
 from robot_stack.fleet.record import ActionState, Phase, Record, Status, digest
@@ -21,8 +22,8 @@ _LARGEST_YAW: Final = 3.1416
 
 # Named in the refusal; every other type is unknown.
 REFUSED: Final = {
-    "startCharging": "staff send the robot to the charger: a docked robot takes no orders",
-    "stopCharging": "staff undock the robot from the charger and release the queue",
+    "startCharging": "an action of the node before a charger",
+    "stopCharging": "the site has no charger",
     "logReport": "the robot keeps the last minute before each fault by itself; staff fetch recordings",
     "enableMap": "the map is chosen on the robot",
     "downloadMap": "the map is installed on the robot",
@@ -41,10 +42,15 @@ REFUSED: Final = {
     "updateCertificate": "staff install certificates on the robot",
 }
 _COMMON: Final = ("cancelOrder", "startPause", "stopPause", "stateRequest", "factsheetRequest")
-SUPPORTED: Final = {
+_SUPPORTED: Final = {
     Version.V2: (*_COMMON, "initPosition"),
     Version.V3: (*_COMMON, "initializePosition", "clearInstantActions"),
 }
+
+
+def supported(vehicle: Vehicle) -> tuple[str, ...]:
+    kinds = _SUPPORTED[vehicle.version]
+    return (*kinds, "stopCharging") if vehicle.chargers else kinds
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,9 +77,9 @@ def without_ended(record: Record) -> Record:
 
 def begin(record: Record, action: Action, robot: RobotView, vehicle: Vehicle) -> Begun:
     """Raises Refused for an action that cannot be carried out; ``failed`` records it then."""
-    supported = SUPPORTED[vehicle.version]
-    if action.type not in supported:
-        why = REFUSED.get(action.type, f"unknown; supported: {', '.join(supported)}")
+    kinds = supported(vehicle)
+    if action.type not in kinds:
+        why = REFUSED.get(action.type, f"unknown; supported: {', '.join(kinds)}")
         raise _refused(action, f"{action.type[:MAX_ID_LENGTH]}: {why}")
     state = _state(action, Status.RUNNING)
     begun = Begun(_with(record, state))
@@ -87,6 +93,11 @@ def begin(record: Record, action: Action, robot: RobotView, vehicle: Vehicle) ->
             return replace(begun, record=_cancel(record, state, wanted_id))
         case "clearInstantActions":
             return replace(begun, record=_with(without_ended(record), _finished(state)))
+        case "stopCharging":
+            if record.order is None or not record.order.charges:
+                raise _refused(action, "stopCharging: no order has docked the robot to a charger")
+            leaving = progress.leaving_charger(record.order, action.id)
+            return replace(begun, record=begun.record.model_copy(update={"order": leaving}))
         case "startPause":
             if record.order is None or not record.order.under_way:
                 raise _refused(action, "there is no order to pause")
@@ -140,6 +151,10 @@ def updated(record: Record, robot: RobotView, standing: bool, pose_given: bool |
                     state = _finished(state)
                 case "startPause" if not under_way:
                     state = _failed(state, "the order ended before")
+                case "stopCharging" if order is not None and order.phase is Phase.COMPLETED:
+                    state = _finished(state)
+                case "stopCharging" if not under_way:
+                    state = _failed(state, "the order ended before")
                 case "stopPause" if paused_by != FLEET:
                     state = _finished(state)
                 case "initPosition" | "initializePosition" if pose_given:
@@ -167,7 +182,7 @@ def wanted(record: Record) -> str:
 def _cancel(record: Record, state: ActionState, order_id: Any) -> Record:
     """order_id: None for whichever order is under way."""
     order = record.order
-    if order is None or not order.under_way or order_id not in (None, order.id):
+    if order is None or not order.under_way or order.charges or order_id not in (None, order.id):
         text = "there is no order to cancel" if order_id is None else "this order is not under way"
         raise Refused(Error(ErrorType.NO_ORDER_TO_CANCEL, text, (("topic", "instantActions"), ("actionId", state.id))))
     return cancelled_by_robot(_with(record, state), "")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Final
 
 from robot_stack.contract.states import MissionState
 from robot_stack.core.geometry import Pose2
-from robot_stack.core.mission import MAX_WAYPOINTS
+from robot_stack.core.mission import MAX_WAYPOINTS, Kind
 from robot_stack.fleet.errors import shortened
 from robot_stack.fleet.record import NOT_SENT, RESULT_LENGTH, ActionState, OrderRecord, Part, Phase, Record, Status
 from robot_stack.fleet.robot import RobotView
@@ -54,8 +54,16 @@ def with_stops(order: OrderRecord, stops: tuple[Stop, ...]) -> OrderRecord:
         return _next_part(order) if part is None or part.ended else order
     fits = stops[: MAX_WAYPOINTS - len(part.stops)]
     rest = stops[len(fits) :]
-    longer = part.model_copy(update={"stops": (*part.stops, *fits), "open": order.horizon and not rest})
+    longer = part.model_copy(update={"stops": (*part.stops, *fits), "open": order.open_end and not rest})
     return order.model_copy(update={"part": longer, "waiting": rest})
+
+
+def leaving_charger(order: OrderRecord, action_id: str) -> OrderRecord:
+    """With the way out of the charger, back to the node where the robot was staged. action_id: of stopCharging."""
+    docked = (order.part.stops if order.part is not None and not order.waiting else order.waiting)[-1]
+    out = replace(docked, action=action_id, name=f"{docked.node}.out", kind=Kind.UNDOCK, dock_id="")
+    back = replace(docked, action="", name=f"{docked.node}.back", kind=Kind.PARK, dock_id="")
+    return with_stops(order.model_copy(update={"charging": False}), (out, back))
 
 
 def _next_part(order: OrderRecord) -> OrderRecord:
@@ -66,7 +74,7 @@ def _next_part(order: OrderRecord) -> OrderRecord:
     slug = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in order.id.lower())
     name = f"fleet_{order.accepted_ms:x}_{number}_{slug[:_LONGEST_SLUG]}"
     stops, rest = order.waiting[:MAX_WAYPOINTS], order.waiting[MAX_WAYPOINTS:]
-    part = Part(id=name, stops=stops, open=order.horizon and not rest)
+    part = Part(id=name, stops=stops, open=order.open_end and not rest)
     return order.model_copy(update={"part": part, "part_number": number, "waiting": rest})
 
 

@@ -85,6 +85,7 @@ class OrderRecord(Config):
     """nodes, edges: what is not traversed yet. decision: (nodeId, sequenceId) of the last released node.
 
     end: where the base ends. loaded: a wheelchair is attached at the end of the base. reason: why it ended early.
+    charging: the base ends docked to a charger.
     load_ids: loadId of each pick, by its action. part: the last order of the mission manager, part_number: how many
     there were. waiting: stops of the next one. accepted_ms: Unix time of the order, for ids. cancel_refused: by the
     mission manager, at least once. digest: of the newest message.
@@ -99,6 +100,7 @@ class OrderRecord(Config):
     decision: tuple[str, int]
     end: Pose2
     loaded: bool
+    charging: bool = False
     actions: tuple[ActionState, ...]
     load_ids: dict[str, str] = {}
     part: Part | None = None
@@ -111,6 +113,16 @@ class OrderRecord(Config):
     @property
     def horizon(self) -> bool:
         return any(not node.released for node in self.nodes)
+
+    @property
+    def open_end(self) -> bool:
+        """The mission manager does not end its order with the base: it is extended, or leaves the charger."""
+        return self.horizon or self.charging
+
+    @property
+    def charges(self) -> bool:
+        """For the master the order has ended: the robot is docked to a charger."""
+        return self.charging and self.phase is Phase.ACTIVE and all(action.status.ended for action in self.actions)
 
     @property
     def under_way(self) -> bool:

@@ -52,6 +52,19 @@ class Vehicle:
     stand_rad: float
     max_actions_per_node: int
 
+    @property
+    def chargers(self) -> tuple[str, ...]:
+        return tuple(sorted(name for name, kind in self.docks.items() if kind == "charger"))
+
+    @property
+    def node_actions(self) -> tuple[str, ...]:
+        return (*_NODE_ACTIONS, START_CHARGING) if self.chargers else _NODE_ACTIONS
+
+    def charger(self, action: Action) -> str:
+        """The charger that the action names, or the only one; empty without such a one."""
+        name = action.parameters.get("stationName", self.chargers[0] if len(self.chargers) == 1 else "")
+        return name if name in self.chargers else ""
+
     @classmethod
     def of(cls, params: FleetParams, robot: Robot, docks: Mapping[str, str], map_version: str) -> Vehicle:
         """docks: kind of each dock by its id."""
@@ -89,21 +102,25 @@ class Stop:
 
 # --- actions ---------------------------------------------------------------------------------------------------------
 
-NODE_ACTIONS: Final = ("pick", "drop", "wait")
+START_CHARGING: Final = "startCharging"
+_NODE_ACTIONS: Final = ("pick", "drop", "wait")
 _PARAMETERS: Final = {
     "pick": ("stationName", "stationType", "loadType", "loadId", "lhd"),
     "drop": ("stationName", "stationType", "loadType", "loadId", "lhd"),
     "wait": ("duration",),
+    START_CHARGING: ("stationName",),
 }
 
 
 def _action_problem(action: Action, vehicle: Vehicle) -> tuple[str, str]:
     """(name of the erroneous field, why it cannot be carried out); empty texts if it can."""
-    if action.type not in NODE_ACTIONS:
-        return (
-            "actionType",
-            f"the action {action.type!r} is not supported on nodes; supported: {', '.join(NODE_ACTIONS)}",
+    if action.type not in vehicle.node_actions:
+        why = (
+            "is not supported: the site has no charger"
+            if action.type == START_CHARGING
+            else "is not supported on nodes"
         )
+        return "actionType", f"the action {action.type!r} {why}; supported: {', '.join(vehicle.node_actions)}"
     if action.retriable:
         return "retriable", "a failed action is not tried again"
     values = action.parameters
@@ -118,6 +135,11 @@ def _action_problem(action: Action, vehicle: Vehicle) -> tuple[str, str]:
     wrong = [key for key, value in values.items() if not isinstance(value, str)]
     if wrong:
         return wrong[0], f"{wrong[0]} must be a string"
+    if action.type == START_CHARGING:
+        known = ", ".join(vehicle.chargers)
+        return (
+            ("", "") if vehicle.charger(action) else ("stationName", f"startCharging needs a charger; known: {known}")
+        )
     if len(values.get("loadId", "")) > MAX_LOAD_ID_LENGTH:
         return "loadId", f"loadId has at most {MAX_LOAD_ID_LENGTH} characters"
     if values.get("loadType", LOAD_TYPE) != LOAD_TYPE:
@@ -162,6 +184,9 @@ def check(order: Order, vehicle: Vehicle) -> None:
                 named = (("nodeId", node.id), ("actionId", action.id), ("field", field))
                 kind = ErrorType.UNSUPPORTED if field == "retriable" else ErrorType.ORDER_ACTION
                 raise order.refused(kind, text, *named)
+            if action.type == START_CHARGING and order.nodes[-1].actions[-1:] != (action,):
+                text = "the order goes on after startCharging: it must end there, and stopCharging follows"
+                raise order.refused(ErrorType.ORDER_ACTION, text, ("nodeId", node.id), ("actionId", action.id))
 
 
 def _shown(edge: Edge, field: str) -> str:
@@ -224,6 +249,10 @@ def check_loads(order: Order, actions: tuple[Action, ...], loaded: bool) -> bool
             raise order.refused(
                 ErrorType.ORDER_ACTION, "pick with a wheelchair attached: drop first", ("actionId", action.id)
             )
+        if action.type == START_CHARGING and loaded:
+            raise order.refused(
+                ErrorType.ORDER_ACTION, "startCharging with a wheelchair attached: drop first", ("actionId", action.id)
+            )
         if action.type == "drop" and not loaded:
             raise order.refused(ErrorType.ORDER_ACTION, "drop without a wheelchair attached", ("actionId", action.id))
         loaded = action.type == "pick" or (loaded and action.type != "drop")
@@ -250,6 +279,8 @@ def stops_of(nodes: tuple[Node, ...], before: Pose2, ends: bool, vehicle: Vehicl
             what: dict[str, Any] = {"kind": Kind.UNDOCK}
             if action.type == "pick":
                 what = {"kind": Kind.DOCK, "dock_id": action.parameters["stationName"]}
+            elif action.type == START_CHARGING:
+                what = {"kind": Kind.DOCK, "dock_id": vehicle.charger(action)}
             elif action.type == "wait":
                 what = {"kind": Kind.WAIT, "wait_s": float(action.parameters["duration"])}
             stops.append(Stop(node.sequence_id, action.id, _name(node, number), pose.x, pose.y, pose.yaw, **what))

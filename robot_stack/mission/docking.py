@@ -72,6 +72,12 @@ def at_station(record: Record, docks: Mapping[str, str]) -> bool:
     return bool(done) and done[-1].kind is Kind.DOCK and docks.get(done[-1].dock_id) in ("station", "charger")
 
 
+def undocks_in_place(record: Record, docks: Mapping[str, str]) -> bool:
+    """True if the next waypoint is the undocking from a station: the robot does not drive before it."""
+    current = record.current
+    return current is not None and current.action.kind is Kind.UNDOCK and at_station(record, docks)
+
+
 @dataclass(frozen=True, slots=True)
 class Outcome:
     """How a task ended: ``problem`` is empty if it is done."""

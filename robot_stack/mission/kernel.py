@@ -351,7 +351,8 @@ class MissionKernel:
 
     def _go(self, trigger: Trigger, record: Record, reason: str = "") -> tuple[Effect, ...]:
         """Continues to the record's waypoint: journaled first, then the robot starts, after a warning if it is due."""
-        save = self._change(trigger, record, reason, goal_due=self._departure.due)
+        undocks = docking.undocks_in_place(record, self._docks)
+        save = self._change(trigger, record, reason, goal_due=self._departure.due or undocks)
         current = self._record.current
         assert current is not None
         return (save,) if self._leg.goal_due else (save, self._navigation.send(current.pose))
@@ -736,6 +737,8 @@ class MissionKernel:
             return self._stand(Trigger.LOST, _LOST)
         if guards.battery_critical(inputs) and self._record.safe_place is None:
             return self._to_safety(inputs)
+        if docking.undocks_in_place(self._record, self._docks) and self._at_dock(inputs):
+            return self._serve(inputs)
         if self._leg.goal_due:
             return self._set_out(current.pose, inputs, dt_s)
         if self._departure.due:

@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,13 @@ import pytest
 
 from custom_msgs.msg import MissionOrder
 from custom_msgs.srv import EditMissionQueue
-from robot_stack.contract import services
+from robot_stack.contract import services, topics
+from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
 from robot_stack.fleet.link import Topic
 from tests.simulated.stage import Stage, staged
 from tests.support.environment import own_config
-from tests.unit.fleet.master import action, node, node_ids, order, statuses
+from tests.unit.fleet.master import HEADER, action, node, node_ids, order, statuses
 
 START = Pose2(-0.3, 8.8, math.radians(137.5))
 LIMIT_S = 240.0
@@ -62,8 +64,8 @@ class Master:
     def states(self) -> list[dict[str, Any]]:
         return [data for topic, data in self._broker.messages if topic is Topic.STATE]
 
-    def send(self, data: dict[str, Any]) -> None:
-        self._broker.publish(Topic.ORDER, json.dumps(data).encode())
+    def send(self, data: dict[str, Any], topic: Topic = Topic.ORDER) -> None:
+        self._broker.publish(topic, json.dumps(data).encode())
 
     def wait(self, condition: Callable[[dict[str, Any]], Any], what: str) -> dict[str, Any]:
         self._stage.wait(lambda: self.states and condition(self.states[-1]), what, LIMIT_S)
@@ -81,36 +83,67 @@ def release(stage: Stage) -> None:
     assert answers[0].success, answers[0].message
 
 
-@pytest.mark.timeout(900)  # a ride of two minutes with a docking and an undocking
-def test_a_transport_by_a_master_while_the_agent_dies(tmp_path: Path) -> None:
-    with own_config(tmp_path) as config:
+@contextmanager
+def with_agent(folder: Path) -> Iterator[None]:
+    """The fleet agent is one of the profile's processes."""
+    with own_config(folder) as config:
         profile = config / "profiles/sim.yaml"
         text = profile.read_text(encoding="utf-8")
         profile.write_text(text.replace("processes:\n", "processes:\n  - fleet_agent\n", 1), encoding="utf-8")
-        with staged("yard", start=START) as stage:
-            begun_s = stage.now_s
-            master = Master(stage)
-            assert master.wait(lambda state: True, "a state")["operatingMode"] == "SERVICE"
-            release(stage)
-            master.wait(lambda state: state["operatingMode"] == "AUTOMATIC", "the control")
-            master.send(first_part())
-            master.wait(lambda state: statuses(state) == {"pick": "RUNNING"}, "the picking")
-            assert master.states[-1]["lastNodeId"] == "pick-up"
-            stage.kill("fleet_agent")
-            stage.expected_failures.add("fleet_agent")
-            state = master.wait(lambda state: statuses(state) == {"pick": "FINISHED"}, "the chair on the latch")
-            assert stage.world.sim.world.attached
-            master.wait(lambda state: state["newBaseRequest"], "the request for a base")
-            master.send(second_part())
-            master.wait(lambda state: statuses(state).get("drop") == "RUNNING", "the chair is put down")
-            assert master.states[-1]["loads"] == [
-                {"loadType": "wheelchair", "loadPosition": "front", "loadId": "chair 7"}
-            ]
-            state = master.wait(lambda state: not state["nodeStates"], "the end")
-            assert (node_ids(state), statuses(state)) == ([], {"pick": "FINISHED", "drop": "FINISHED"})
-            assert (state["lastNodeId"], state["loads"]) == ("clear", [])
-            stage.wait_mission("COMPLETED")
-            stage.wait_stands()
-            assert not stage.world.sim.world.attached
-            assert stage.wheelchair().distance_to(Pose2(3.9, 13.0, 0.0)) < 0.5
-            assert "EMERGENCY_STOP" not in stage.safety_states(begun_s)
+        yield
+
+
+@pytest.mark.timeout(900)  # with a docking and an undocking
+def test_a_master_sends_the_robot_to_the_charger_and_away(tmp_path: Path) -> None:
+    staging = load_docks().docks["charger"].staging.pose()
+    at = {"y": staging.y, "theta": staging.yaw}
+    charge = node("charger", 2, staging.x, action("startCharging", "start"), **at)
+    with with_agent(tmp_path), staged("yard", start=Pose2(staging.x + 1.0, staging.y, staging.yaw)) as stage:
+        begun_s = stage.now_s
+        master, battery = Master(stage), stage.listen(topics.BATTERY_STATE)
+        stage.world.sim.battery.charge = 0.5
+        release(stage)
+        master.wait(lambda state: state["operatingMode"] == "AUTOMATIC", "the control")
+        master.send(order([node("here", 0, staging.x + 1.0, **at), charge], "charge"))
+        state = master.wait(lambda state: statuses(state) == {"start": "FINISHED"}, "the charger")
+        assert (state["nodeStates"], state["batteryState"]["charging"]) == ([], True)
+        charged = battery.last.percentage
+        stage.assert_wheels_rest(15.0)
+        assert battery.last.percentage > charged
+        master.send(HEADER | {"actions": [action("stopCharging", "stop")]}, Topic.INSTANT_ACTIONS)
+        state = master.wait(lambda state: statuses(state).get("stop") == "FINISHED", "the way out")
+        assert state["batteryState"]["charging"] is False
+        assert stage.at().distance_to(staging) < 0.15
+        master.send(order([node("charger", 0, staging.x, **at), node("away", 2, staging.x + 1.0, **at)], "away"))
+        state = master.wait(lambda state: state["lastNodeId"] == "away", "the next order")
+        assert [error for error in state["errors"] if error["errorType"].startswith("order")] == []
+        assert "EMERGENCY_STOP" not in stage.safety_states(begun_s)
+
+
+@pytest.mark.timeout(900)  # a ride of two minutes with a docking and an undocking
+def test_a_transport_by_a_master_while_the_agent_dies(tmp_path: Path) -> None:
+    with with_agent(tmp_path), staged("yard", start=START) as stage:
+        begun_s = stage.now_s
+        master = Master(stage)
+        assert master.wait(lambda state: True, "a state")["operatingMode"] == "SERVICE"
+        release(stage)
+        master.wait(lambda state: state["operatingMode"] == "AUTOMATIC", "the control")
+        master.send(first_part())
+        master.wait(lambda state: statuses(state) == {"pick": "RUNNING"}, "the picking")
+        assert master.states[-1]["lastNodeId"] == "pick-up"
+        stage.kill("fleet_agent")
+        stage.expected_failures.add("fleet_agent")
+        state = master.wait(lambda state: statuses(state) == {"pick": "FINISHED"}, "the chair on the latch")
+        assert stage.world.sim.world.attached
+        master.wait(lambda state: state["newBaseRequest"], "the request for a base")
+        master.send(second_part())
+        master.wait(lambda state: statuses(state).get("drop") == "RUNNING", "the chair is put down")
+        assert master.states[-1]["loads"] == [{"loadType": "wheelchair", "loadPosition": "front", "loadId": "chair 7"}]
+        state = master.wait(lambda state: not state["nodeStates"], "the end")
+        assert (node_ids(state), statuses(state)) == ([], {"pick": "FINISHED", "drop": "FINISHED"})
+        assert (state["lastNodeId"], state["loads"]) == ("clear", [])
+        stage.wait_mission("COMPLETED")
+        stage.wait_stands()
+        assert not stage.world.sim.world.attached
+        assert stage.wheelchair().distance_to(Pose2(3.9, 13.0, 0.0)) < 0.5
+        assert "EMERGENCY_STOP" not in stage.safety_states(begun_s)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Final
@@ -16,7 +17,7 @@ from robot_stack.core.goals import SendGoal
 from robot_stack.core.mission import Kind, Mission
 from robot_stack.core.mission_library import MissionError
 from robot_stack.core.navigation_waits import load_navigation_waits
-from robot_stack.core.robot import load_robot
+from robot_stack.core.robot import Robot, load_robot
 from robot_stack.fleet import progress
 from robot_stack.fleet.factsheet import factsheet
 from robot_stack.fleet.kernel import FleetKernel
@@ -43,11 +44,11 @@ _CHARGE: Final = 1.0 / 3_600.0
 
 
 @cache
-def _configured() -> tuple[FleetParams, MissionParams, DepartureParams, dict[str, str]]:
+def _configured() -> tuple[FleetParams, MissionParams, DepartureParams, dict[str, str], Robot]:
     """As the nodes have it."""
     mission = load(MissionParams, "mission_manager").with_waits(load_navigation_waits().longest_s)
     docks: dict[str, str] = {name: dock.kind for name, dock in load_docks().docks.items()}
-    return load(FleetParams, "fleet_agent"), mission, load(DepartureParams, "departure"), docks
+    return load(FleetParams, "fleet_agent"), mission, load(DepartureParams, "departure"), docks, load_robot()
 
 
 class _Memory:
@@ -64,7 +65,7 @@ class FleetVehicle:
     """One robot, with a queue that staff have released. ``tick`` returns what it publishes.
 
     folder: for the journals, which a restarted robot goes on from; None = in memory. docks: kind by id, in the place of
-    the configured ones. state_period_s: in the place of the configured one.
+    the configured ones. params: of FleetParams, likewise.
     """
 
     def __init__(
@@ -74,12 +75,11 @@ class FleetVehicle:
         folder: Path | None = None,
         *,
         docks: dict[str, str] | None = None,
-        state_period_s: float | None = None,
+        params: Mapping[str, float] | None = None,
     ) -> None:
-        fleet, mission, departure, configured = _configured()
+        fleet, mission, departure, configured, robot = _configured()
         identity = fleet.identity.model_copy(update={"serial_number": serial})
-        period_s = state_period_s or fleet.state_period_s
-        self.params = fleet.model_copy(update={"identity": identity, "state_period_s": period_s})
+        self.params = fleet.model_copy(update={"identity": identity, **(params or {})})
         docks = configured if docks is None else docks
         self.pose, self.twist, self.charge = pose, ZERO_TWIST, 1.0
         self._goal: SendGoal | None = None
@@ -92,7 +92,6 @@ class FleetVehicle:
         agent_record = self._agent_journal.load()[0] if self._agent_journal is not None else Record()
         journal: Journal = SqliteJournal(folder / "mission.db") if folder is not None else _Memory()
         record, _ = load_record(journal)
-        robot = load_robot()
         vehicle = Vehicle.of(self.params, robot, docks, "1")
         self.agent = FleetKernel(self.params, vehicle, factsheet(robot, vehicle, self.params), agent_record)
         self._kernel = MissionKernel(mission, departure, record, docks=docks)

@@ -343,7 +343,7 @@ def test_fields_of_edges_that_the_robot_keeps_anyway_are_accepted(bench: Bench) 
         ),
         (lambda one: one.update(actions=[action("lift")]), "actionType", ErrorType.ORDER_ACTION),
         (lambda one: one.update(actions=[action("finePositioning")]), "actionType", ErrorType.ORDER_ACTION),
-        (lambda one: one.update(actions=[action("startCharging")]), "actionType", ErrorType.ORDER_ACTION),
+        (lambda one: one.update(actions=[action("stopCharging")]), "actionType", ErrorType.ORDER_ACTION),
         (lambda one: one.update(actions=[action("wait")]), "duration", ErrorType.ORDER_ACTION),
         (lambda one: one.update(actions=[action("wait", duration="long")]), "duration", ErrorType.ORDER_ACTION),
         (lambda one: one.update(actions=[action("wait", duration=1e6)]), "duration", ErrorType.ORDER_ACTION),

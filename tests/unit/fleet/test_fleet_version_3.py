@@ -15,7 +15,7 @@ from robot_stack.contract.states import HeldBy
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import Kind
 from robot_stack.fleet.headers import ConnectionMessages, Headers
-from robot_stack.fleet.instant import MAX_STATES, SUPPORTED
+from robot_stack.fleet.instant import MAX_STATES, supported
 from robot_stack.fleet.link import Topic
 from robot_stack.fleet.robot import Safety
 from robot_stack.fleet.version import Version
@@ -143,7 +143,7 @@ def test_the_factsheet_says_what_the_robot_has_and_that_it_has_no_zones(bench: B
     assert (kind["supportedZones"], kind["mobileRobotKinematics"]) == ([], "OMNIDIRECTIONAL")
     assert kind["navigationTypes"] == ["FREELY_NAVIGATING"]
     actions = {one["actionType"]: one for one in sheet["protocolFeatures"]["mobileRobotActions"]}
-    assert set(actions) == {"pick", "drop", "wait", *SUPPORTED[Version.V3]}
+    assert set(actions) == {"pick", "drop", "wait", "startCharging", *supported(bench.vehicle)}
     assert actions["pick"]["cancelAllowed"] is True
     assert actions["cancelOrder"]["blockingTypes"] == ["NONE"]
 

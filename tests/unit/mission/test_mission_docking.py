@@ -7,6 +7,7 @@ from dataclasses import replace
 import pytest
 
 from robot_stack.contract.display import Display
+from robot_stack.contract.states import HeldBy
 from robot_stack.core.geometry import Twist2
 from robot_stack.mission import events as ev
 from robot_stack.mission.record import Record, problem_of
@@ -104,13 +105,29 @@ def test_an_undocking_with_the_passenger_still_attached_fails(undocking):
     assert undocking.status.reason == why
 
 
-def test_a_station_needs_no_passenger(story):
-    story.start(CHARGE, "undock", "park").reach(2.0).tick().accept().ends(True)
+def test_a_station_needs_no_passenger_and_is_left_where_the_robot_stands(story):
+    story.start(CHARGE, "undock", "park").reach(2.0).tick().accept().given(docking_state="DOCKED").ends(True)
+    story.tick(5.0)  # with its warning
+    assert (story.goals(), story.calls()[-1]) == ([2.0], ("undock", "charger"))
+    story.accept().given(docking_state="IDLE").ends(True).departs()
+    assert (story.state, story.goals()[-1]) == (State.RUNNING, 6.0)
+
+
+def test_an_open_route_waits_at_a_station_and_goes_on_with_the_undocking(story):
+    story.brings(CHARGE).reach(2.0).tick().accept().given(docking_state="DOCKED", charging=True).ends(True).tick(60.0)
+    assert (story.state, story.queues[-1].held_by) == (State.WAITING, HeldBy.NOTHING)
+    story.extends("undock", "park", first=1, more_follows=False).tick(5.0)
+    assert (story.goals(), story.calls()[-1]) == ([2.0], ("undock", "charger"))
+    story.accept().given(docking_state="IDLE", charging=False).ends(True).departs()
+    assert story.finishes().state is State.COMPLETED
+    assert story.tick(5.0).queues[-1].held_by is HeldBy.NOTHING
+
+
+def test_a_robot_that_left_the_station_by_other_means_drives_to_the_undocking(story):
+    story.start(CHARGE, "undock", "park").reach(2.0).tick().accept().ends(True).departs()
     assert (story.state, story.goals()[-1]) == (State.RUNNING, 4.0)
     story.reach(4.0).tick()
     assert story.calls()[-1] == ("undock", "charger")
-    story.accept().ends(True)
-    assert story.state is State.RUNNING
 
 
 def test_a_passenger_from_before_is_put_down_wherever_it_was_attached(story):
