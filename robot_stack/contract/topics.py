@@ -366,9 +366,9 @@ NAVIGATION_PEOPLE = Topic(
     qos.SENSOR,
     ("navigation_controller",),
     ("touch_ui",),
-    "internal: tracked objects of a person's size, in odom at the costmap's stamp: a cylinder each, with the namespace "
-    "walking, person (has walked) or object, and for each walking one an arrow, namespace velocity, to its position in "
-    "1 s; for visualization, only while subscribed",
+    "internal: the people and objects of /perception/people that are used, in odom at its stamp: a cylinder each, with "
+    "the namespace walking, person (has walked) or object, and for each walking one an arrow, namespace velocity, to "
+    "its position in 1 s; for visualization, only while subscribed",
     rate_hz=5.0,
     stale_s=1.0,
     on_demand=True,
@@ -603,6 +603,19 @@ SPACE = Topic(
     rate_hz=5.0,
     stale_s=1.0,
     wakes=("costmap_server",),
+)
+PEOPLE = Topic(
+    "/perception/people",
+    "sensor_msgs/msg/PointCloud2",
+    qos.SENSOR,
+    ("perception_pipeline",),
+    ("navigation_controller",),
+    "with each grid of /perception/space and its stamp, in odom: tracked people and objects of a person's size, one "
+    "point each, with velocity, radius, standard deviations, box, age, number, and whether it walks or has walked "
+    "(robot_stack/core/people.py)",
+    rate_hz=5.0,
+    stale_s=1.0,
+    sometimes=("navigation_controller",),  # parameters can disable it
 )
 LOCAL_COSTMAP = Topic(
     "/local_costmap/costmap",

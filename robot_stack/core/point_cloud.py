@@ -1,6 +1,6 @@
 """The layouts of point clouds: structured arrays that are also the bytes of a PointCloud2.
 
-Both are in the frame and at the stamp named by the caller.
+All are in the frame and at the stamp named by the caller.
 """
 
 from __future__ import annotations
@@ -28,6 +28,15 @@ XYZ = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])
 
 # One point of a moving person or object, m, and its velocity over ground along the same axes, m/s.
 MOVING = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4"), ("vx", "<f4"), ("vy", "<f4")])
+
+# One person: ``robot_stack.core.people.Person``. Before the cloud's stamp, s: age, the detection; apart, the last time
+# at which nothing else touched the person. x0, y0, x1, y1: box of the person's cells, NaN without one.
+PEOPLE = np.dtype(
+    [(name, "<f4") for name in ("x", "y", "z", "vx", "vy", "radius", "sigma", "sigma_v", "age", "apart")]
+    + [(name, "<f4") for name in ("x0", "y0", "x1", "y1")]
+    + [(name, "<u4") for name in ("number", "sightings")]
+    + [(name, "<u1") for name in ("walks", "walked")]
+)
 
 
 def xyz_of(points: Points) -> npt.NDArray[np.float32]:

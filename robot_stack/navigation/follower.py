@@ -18,12 +18,12 @@ import numpy.typing as npt
 
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.limits import MotionLimits
+from robot_stack.core.people import Person
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.limits import PlanningLimits
 from robot_stack.navigation.local_map import LocalMap
 from robot_stack.navigation.params import NavigationParams, PeopleParams
 from robot_stack.navigation.path import Path
-from robot_stack.navigation.people import Person
 from robot_stack.navigation.pose_follower import PoseFollower
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.rollout_controller import RolloutController

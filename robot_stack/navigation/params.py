@@ -174,22 +174,9 @@ class SpeedLimitParams(Config):
 
 
 class PeopleParams(Config):
-    """Detection of people in the costmap, tracking, and the distances and speeds to keep."""
+    """The distances and speeds to keep from people. sightings: people seen less often are not shown."""
 
-    join_m: Positive
-    min_size_m: Positive
-    max_size_m: Positive
-    min_radius_m: Positive
-    max_radius_m: Positive
-    gate_m: Positive
-    memory_s: Positive
-    position_gain: Share
-    velocity_gain: Share
-    max_speed_mps: Positive
-    walk_speed_mps: Positive
-    walked_m: Positive
-    sightings: Annotated[int, Field(ge=2)]
-    group_s: Positive
+    sightings: Annotated[int, Field(ge=1)]
     walking_gap_m: Positive
     standing_gap_m: Positive
     near_m: Positive

@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from robot_stack.core.limits import MotionLimits
+from robot_stack.core.people import Person
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.params import PassageParams, PeopleParams, SpeedLimitParams
-from robot_stack.navigation.people import Person
 
 Array = npt.NDArray[np.float64]
 _TIME_STEP_S = 0.2

@@ -45,11 +45,13 @@ def warm_up() -> None:
     )
     start = Pose2(2.0, 5.0, 0.0)
     located = Located(start, ZERO_TWIST)
+    controller.around.on_people(1.0, (), 1.0)
     controller.around.on_costmap(1.0, _RESOLUTION_M, Pose2(0.0, 0.0, 0.0), cells, 1.0)
     goal = GoalRequest("map", 0.0, (8.0, 5.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     controller.request(goal, 1.0, located)
     controller.tick(Situation(1.0, located))
     cells = np.roll(cells, 2, axis=0)
+    controller.around.on_people(1.2, (), 1.2)
     controller.around.on_costmap(1.2, _RESOLUTION_M, Pose2(0.0, 0.0, 0.0), cells, 1.2)
     controller.tick(Situation(1.05, located))
     local = controller.around.local

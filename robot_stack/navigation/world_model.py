@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
+from robot_stack.core.people import Person
 from robot_stack.core.robot import Footprint
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
 from robot_stack.core.zones import Zone, ZoneType
@@ -20,7 +21,6 @@ from robot_stack.navigation.lanes import Lanes
 from robot_stack.navigation.local_map import LETHAL, LocalMap, costmap_problem, local_map
 from robot_stack.navigation.one_way import FREE_COURSES, against_m, permitted
 from robot_stack.navigation.params import NavigationParams
-from robot_stack.navigation.people import PeopleTracker, Person
 from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.routes import RouteRequest
@@ -66,7 +66,8 @@ class WorldModel:
         self.costmaps = 0
         self.map_to_odom: Pose2 = IDENTITY
         self._received_s = -math.inf
-        self._tracker = PeopleTracker(params.people)
+        self._people: tuple[Person, ...] = ()
+        self._people_stamp_s = self._people_received_s = -math.inf
         self._remembered = np.empty((0, 2))
         self._remembered_s = np.empty(0)
 
@@ -83,23 +84,38 @@ class WorldModel:
     @property
     def people(self) -> tuple[Person, ...]:
         """In odom, without those in groups."""
-        return tuple(one for one in self._tracker.people if not one.in_group)
+        return tuple(one for one in self._people if not one.in_group)
 
     @property
     def everybody(self) -> tuple[Person, ...]:
         """In odom."""
-        return self._tracker.people
+        return self._people
 
     def problem(self, steady_s: float) -> str:
-        """Why the costmap forbids motion (missing or stale), else an empty text."""
+        """Why costmap or people forbid motion (missing or stale), else an empty text."""
         if not self.seeing:
             return ""
         limit_s = self._params.follow.costmap_timeout_s
-        if not math.isfinite(self._received_s):
-            return "/local_costmap/costmap never received"
-        if not 0.0 <= steady_s - self._received_s <= limit_s:
-            return f"/local_costmap/costmap silent for more than {limit_s} s"
+        inputs = {"/local_costmap/costmap": self._received_s, "/perception/people": self._people_received_s}
+        for name, received_s in inputs.items():
+            if not math.isfinite(received_s):
+                return f"{name} never received"
+            if not 0.0 <= steady_s - received_s <= limit_s:
+                return f"{name} silent for more than {limit_s} s"
         return ""
+
+    def on_people(self, stamp_s: float, people: tuple[Person, ...], received_s: float) -> None:
+        """Takes the people around the robot at the stamp, odom. A repeated list does not reset the age.
+
+        Those at obstacles of the map are left out: a part of these, seen through a gap, has a person's size, and seems
+        to move with the robot.
+        """
+        if stamp_s == self._people_stamp_s:
+            return
+        self._people_stamp_s, self._people_received_s = stamp_s, received_s
+        at = np.array([(one.x, one.y) for one in people]).reshape(-1, 2)
+        mapped = np.zeros(len(people), np.bool_) if self._mapped is None else self._near_map(self._to_map(at))
+        self._people = tuple(one for one, near in zip(people, mapped, strict=True) if not near)
 
     def on_costmap(
         self, stamp_s: float, resolution_m: float, origin: Pose2, cells: npt.NDArray[np.int8], received_s: float
@@ -110,11 +126,7 @@ class WorldModel:
             return problem or "/local_costmap/costmap stamp is not finite"
         if self.local is not None and stamp_s == self.local.stamp_s:
             return ""  # a duplicate, which does not reset the age
-        if self.local is not None and stamp_s < self.local.stamp_s:
-            self._tracker.clear()  # another clock
-        lethal = cells >= LETHAL
-        known = self._explained(lethal, resolution_m, origin)
-        walking = self._tracker.update(stamp_s, lethal, known, resolution_m, origin.x, origin.y)
+        walking = self._walking(stamp_s, cells >= LETHAL, resolution_m, origin)
         self.local = local_map(
             stamp_s, resolution_m, origin, cells, walking, self._closed_cells(cells.shape, resolution_m, origin)
         )
@@ -234,15 +246,20 @@ class WorldModel:
 
     # --- memory ------------------------------------------------------------------------------------------------------
 
-    def _explained(self, lethal: npt.NDArray[np.bool_], resolution_m: float, origin: Pose2) -> npt.NDArray[np.bool_]:
-        """Mask of the lethal cells at map obstacles."""
-        known = np.zeros_like(lethal)
-        if self._mapped is None:
-            return known
-        rows, columns = np.nonzero(lethal)
-        points = np.column_stack((origin.x + (columns + 0.5) * resolution_m, origin.y + (rows + 0.5) * resolution_m))
-        known[rows, columns] = self._near_map(self._to_map(points))
-        return known
+    def _walking(
+        self, stamp_s: float, lethal: npt.NDArray[np.bool_], resolution_m: float, origin: Pose2
+    ) -> npt.NDArray[np.bool_]:
+        """Mask of the lethal cells of walking people, whose predicted positions are avoided instead."""
+        walking = np.zeros_like(lethal)
+        for one in self.people:
+            if not one.walks or one.box is None or one.stamp_s < self._people_stamp_s:
+                continue
+            (x, y), (x0, y0, x1, y1) = one.at(stamp_s), one.box
+            at = np.array((x - one.x - origin.x, y - one.y - origin.y))
+            c0, r0 = np.floor((np.array((x0, y0)) + at) / resolution_m + 0.5).astype(int) - 1
+            c1, r1 = np.floor((np.array((x1, y1)) + at) / resolution_m + 0.5).astype(int) + 1
+            walking[max(r0, 0) : max(r1, 0), max(c0, 0) : max(c1, 0)] = True
+        return walking & lethal
 
     def _closed_cells(self, shape: tuple[int, ...], resolution_m: float, origin: Pose2) -> npt.NDArray[np.bool_] | None:
         """Mask of a costmap's cells in keepout zones, which it does not see; None without zones."""

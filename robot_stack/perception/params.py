@@ -245,6 +245,28 @@ class SpaceParams(Config):
         return 0.75 * self.size_m
 
 
+class PeopleParams(Config):
+    """Clusters of occupied cells that may be people, and how moving bodies and clusters are followed.
+
+    join_m: cells nearer than this are one cluster. min_size_m, max_size_m: longer side of a person's cluster.
+    min_radius_m, max_radius_m: of a person. fresh_s: age of the returns that count. gate_m: from one grid to the next.
+    body_gate_m: between the bodies of two sensors that are one. memory_s: without a detection. position_gain: of a
+    standing one's detection. group_s: without a gap to others.
+    """
+
+    join_m: Positive
+    min_size_m: Positive
+    max_size_m: Positive
+    min_radius_m: Positive
+    max_radius_m: Positive
+    fresh_s: Positive
+    gate_m: Positive
+    body_gate_m: Positive
+    memory_s: Positive
+    position_gain: Annotated[float, Field(gt=0.0, le=1.0)]
+    group_s: Positive
+
+
 class FastBodyParams(Config):
     """The coarser and larger grid in which bodies are tracked that are too fast for the first one.
 
@@ -285,7 +307,7 @@ class FootingParams(Config):
 class PerceptionParams(Config):
     """All parameters of the node.
 
-    slow_bodies: those below walking speed, tracked while the robot stands.
+    slow_bodies: those below walking speed, tracked while the robot stands. people: in the grid of ``space``.
     """
 
     crop: CropParams
@@ -299,5 +321,6 @@ class PerceptionParams(Config):
     space: SpaceParams
     slow_bodies: MovingObjectParams
     fast_bodies: FastBodyParams
+    people: PeopleParams
     footing: FootingParams
     output: OutputParams

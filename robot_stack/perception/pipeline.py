@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from robot_stack.contract import frames
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.people import Person
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.robot import Robot
 from robot_stack.perception import ground
@@ -25,6 +26,7 @@ from robot_stack.perception.sensor_view import Segmented, SensorView
 from robot_stack.perception.space.footing import Footing
 from robot_stack.perception.space.kernels import OCCUPIED
 from robot_stack.perception.space.moving_objects import MovingObjects
+from robot_stack.perception.space.people import People
 from robot_stack.perception.space.space import Space, SpaceGrid
 from robot_stack.perception.space.view import View
 from robot_stack.perception.voxel import raised, voxels
@@ -80,6 +82,7 @@ class Pipeline:
         self.footing = Footing(params.footing, params.space)
         tracked = params.slow_bodies, params.space.moving_objects, wide.moving_objects
         self._trackers, self._overhead_trackers = (Trackers(*(MovingObjects(one) for one in tracked)) for _ in range(2))
+        self._people = People(params.people)
         self._overhead: Overhead | None = None
         if frames.OVERHEAD_LIDAR in robot.range_sensors:
             self._overhead = Overhead(robot, params, self.motion)
@@ -93,6 +96,7 @@ class Pipeline:
         self.footing.forget()
         for tracker in (*self._trackers, *self._overhead_trackers):
             tracker.forget()
+        self._people.forget()
         if self._overhead is not None:
             self._overhead.forget()
 
@@ -137,6 +141,12 @@ class Pipeline:
         """The present grid of the space, with drop-off edges as occupied."""
         known = self.space.grid()
         return replace(known, state=np.where(self.footing.drop, OCCUPIED, known.state))
+
+    def people(self, stamp_s: float) -> tuple[Person, ...]:
+        """People in the present grid, odom. stamp_s: of the last scene. Call it once for each published grid."""
+        trackers = self._trackers.walking, self._overhead_trackers.walking
+        bodies = [body for tracker in trackers for body in tracker.bodies(stamp_s)]
+        return self._people.look(stamp_s, self.space.grid(), bodies)
 
     def _observe(self, look: View, wide_look: View, pose: Pose2, trackers: Trackers) -> None:
         """wide_look: for the grid of fast bodies. trackers: those of the same sensor. A lost fast body is not stored:

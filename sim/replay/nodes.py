@@ -46,7 +46,7 @@ REPLAYED: Final[Mapping[str, Replayed]] = {
     "swerve_controller": Replayed(topics.CMD_VEL_LIMITED, integrates=(topics.ODOM, topics.TF)),
     "navigation_controller": Replayed(topics.CMD_VEL, calls=_mission_goals),
     "costmap_server": Replayed(None),
-    "perception_pipeline": Replayed(None, integrates=(topics.SPACE,), unused=(topics.LIDAR_POINTS,)),
+    "perception_pipeline": Replayed(None, integrates=(topics.SPACE, topics.PEOPLE), unused=(topics.LIDAR_POINTS,)),
     "ndt_localization": Replayed(
         topics.LOCALIZATION_QUALITY, integrates=(topics.CURRENT_POSE, topics.LOCALIZATION_POSE, topics.TF)
     ),

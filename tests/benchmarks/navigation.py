@@ -15,6 +15,7 @@ import numpy.typing as npt
 from robot_stack.core.config import load
 from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
+from robot_stack.core.people import Person
 from robot_stack.core.robot import Footprint, Motion, Robot, load_robot
 from robot_stack.core.site_map import Grid
 from robot_stack.navigation.cancel_flag import CancelFlag
@@ -30,6 +31,7 @@ from tests.benchmarks.support.framework import Aim, Result, percentile
 from tests.benchmarks.support.navigation_course import COSTMAP_RESOLUTION_M, Course, Sensor, course
 from tests.benchmarks.support.navigation_result import CourseResult
 from tests.benchmarks.support.navigation_unreachable import Refused, refuse, sites, town
+from tests.support.sweeps import SWEEP_S, Sweeps
 
 Array = npt.NDArray[np.float64]
 
@@ -132,12 +134,15 @@ def _drive(
     controller.set_passenger(chair)
     body, sensor = Body(robot.motion(chair), made.start), Sensor(made, random)
     result = CourseResult(False, _LIMIT_S, 9.0, 9.0, 0, "", plan_ms=routes.plan_ms, walked=[[] for _ in made.walkers])
-    costmaps: deque[tuple[float, float, Pose2, npt.NDArray[np.int8]]] = deque()
+    sweeps = Sweeps(robot, np.random.default_rng((seed, 1)))
+    costmaps: deque[tuple[float, float, Pose2, npt.NDArray[np.int8], tuple[Person, ...]]] = deque()
     steps, command, sent, touching = 0, ZERO_TWIST, False, False
     while steps * _STEP_S < _LIMIT_S:
         now_s = steps * _STEP_S
+        if steps % round(SWEEP_S / _STEP_S) == 0:
+            sweeps.sweep(now_s, body.pose, sensor.occupied(), COSTMAP_RESOLUTION_M, 0.0, 0.0)
         if steps % round(_COSTMAP_S / _STEP_S) == 0:
-            costmaps.append((now_s + _COSTMAP_DELAY_S, now_s, *sensor.costmap(body.pose)))
+            costmaps.append((now_s + _COSTMAP_DELAY_S, now_s, *sensor.costmap(body.pose), sweeps.people(now_s)))
         if steps % round(_TICK_S / _STEP_S) == 0:
             noise = random.normal(0.0, 1.0, 3) * (_POSE_SIGMA_M, _POSE_SIGMA_M, _POSE_SIGMA_RAD)
             pose = Pose2(body.pose.x + noise[0], body.pose.y + noise[1], body.pose.yaw + noise[2])
@@ -145,7 +150,8 @@ def _drive(
             routes.follow(now_s)
             began, planned = time.thread_time(), len(routes.plan_ms)
             while costmaps and costmaps[0][0] <= now_s:
-                _, stamp_s, origin, cells = costmaps.popleft()
+                _, stamp_s, origin, cells, people = costmaps.popleft()
+                controller.around.on_people(stamp_s, people, now_s)
                 controller.around.on_costmap(stamp_s, COSTMAP_RESOLUTION_M, origin, cells, now_s)
             if not sent and controller.around.costmaps:
                 sent = True
@@ -280,6 +286,7 @@ def _conditions(
         "driven, arrival excluded",
         "robot": f"kinematic, {_DELAY_S} s late, accelerations of robot.yaml, pose noise {_POSE_SIGMA_M} m",
         "costmap": f"{1 / _COSTMAP_S:.0f} Hz, {_COSTMAP_DELAY_S} s old, {COSTMAP_RESOLUTION_M} m, line of sight",
+        "people": "from perception's tracker on sweeps of 720 rays in a plane at 10 Hz, 0.02 m of noise",
         "clearance_m_min": "true distance of the footprint to static obstacles; person_m_min: to pedestrians, driving",
         "step_ms": "CPU time of the ticking thread, costmap included; step_wall_ms: real time while a goal is found "
         "unreachable, with what others do on the machine",

@@ -30,10 +30,10 @@ from robot_stack.contract import services, topics
 from robot_stack.contract.display import Display
 from robot_stack.core.geometry import quaternion_from_yaw
 from robot_stack.core.health import INPUT_PREFIX, InputState, describe_input
+from robot_stack.core.people import Person
 from robot_stack.core.stop_presence import Presence, describe_presence
 from robot_stack.middleware.point_cloud import cloud_message
 from robot_stack.navigation.nodes.people_markers import people_markers
-from robot_stack.navigation.people import Person
 from tests.support.peer import Peer
 
 _XYZ = np.dtype([("x", "<f4"), ("y", "<f4"), ("z", "<f4")])

@@ -8,10 +8,14 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid
 from nav_msgs.msg import Path as PathMessage
 from numpy.typing import NDArray
+from sensor_msgs.msg import PointCloud2
 
 from robot_stack.contract import frames, topics
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.people import Person, people_of
+from robot_stack.core.point_cloud import PEOPLE
 from robot_stack.middleware.conversions import pose_stamped, time_to_s
+from robot_stack.middleware.point_cloud import points_of
 from robot_stack.navigation.goal import GoalRequest
 from robot_stack.navigation.path import Path
 
@@ -32,6 +36,17 @@ def costmap_cells(message: OccupancyGrid) -> NDArray[np.int8]:
     if cells.size != height * width:
         raise ValueError(f"{topics.LOCAL_COSTMAP.name} data has {cells.size} cells, must be {height} x {width}")
     return cells.reshape(height, width)
+
+
+def people_in(message: PointCloud2) -> tuple[Person, ...]:
+    """In odom. Raises ValueError, with the topic's name, for another frame, layout or values that are not finite."""
+    name = topics.PEOPLE.name
+    if message.header.frame_id != frames.ODOM:
+        raise ValueError(f"{name} frame_id is {message.header.frame_id!r}, must be {frames.ODOM!r}")
+    try:
+        return people_of(points_of(message, PEOPLE), time_to_s(message.header.stamp))
+    except ValueError as error:
+        raise ValueError(f"{name} {error}") from error
 
 
 def path_message(path: Path | None, stamp: Time) -> PathMessage:

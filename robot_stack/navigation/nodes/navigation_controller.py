@@ -11,6 +11,7 @@ from dataclasses import replace
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
+from sensor_msgs.msg import PointCloud2
 
 from custom_msgs.msg import VelocityLimit
 from robot_stack.contract import frames, topics
@@ -29,7 +30,7 @@ from robot_stack.middleware.wheelchair import WheelchairInput
 from robot_stack.navigation.background_planner import BackgroundPlanner
 from robot_stack.navigation.controller import NavigationController, Output, Situation
 from robot_stack.navigation.goal import GoalEnd
-from robot_stack.navigation.nodes.messages import costmap_cells, goal_request
+from robot_stack.navigation.nodes.messages import costmap_cells, goal_request, people_in
 from robot_stack.navigation.nodes.navigation_goals import NavigationGoals
 from robot_stack.navigation.nodes.outputs import NavigationOutputs
 from robot_stack.navigation.params import NavigationParams
@@ -59,7 +60,8 @@ class NavigationControllerNode(StackNode):
         )
         if grid is not None or self.params.use_costmap:
             warm_up()
-        self._problems = {topics.ODOM.name: "", topics.CURRENT_POSE.name: "", topics.LOCAL_COSTMAP.name: ""}
+        inputs = (topics.ODOM, topics.CURRENT_POSE, topics.LOCAL_COSTMAP, topics.PEOPLE)
+        self._problems = {row.name: "" for row in inputs}
         self._outputs = NavigationOutputs(self, self.params.people.sightings)
         self._goals = NavigationGoals(self, self._begin)
         self._last_located: tuple[Located, Time] | None = None
@@ -71,6 +73,7 @@ class NavigationControllerNode(StackNode):
         WheelchairInput(self, self.controller.set_passenger)
         if self.params.use_costmap:
             self.subscribe(topics.LOCAL_COSTMAP, self._on_costmap)
+            self.subscribe(topics.PEOPLE, self._on_people)
         self._outputs.plan(self.controller.path)
         self.every(topics.CMD_VEL.nominal_rate_hz, self._tick)
 
@@ -139,7 +142,15 @@ class NavigationControllerNode(StackNode):
             origin = pose_from_msg(info.origin)
             problem = around.on_costmap(time_to_s(stamp), info.resolution, origin, cells, self.steady_s())
         self._problems[topics.LOCAL_COSTMAP.name] = problem
-        if not problem:
+
+    def _on_people(self, message: PointCloud2) -> None:
+        around, stamp = self.controller.around, message.header.stamp
+        try:
+            around.on_people(time_to_s(stamp), people_in(message), self.steady_s())
+        except ValueError as error:
+            self._problems[topics.PEOPLE.name] = str(error)
+        else:
+            self._problems[topics.PEOPLE.name] = ""
             self._outputs.people(around.people, stamp)
 
     def _on_velocity_limit(self, message: VelocityLimit) -> None:

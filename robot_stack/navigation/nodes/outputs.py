@@ -9,16 +9,16 @@ from std_msgs.msg import String
 
 from robot_stack.contract import topics
 from robot_stack.core.geometry import Twist2
+from robot_stack.core.people import Person
 from robot_stack.middleware.conversions import time_to_s, twist_to_msg
 from robot_stack.middleware.node import StackNode
 from robot_stack.navigation.nodes.messages import path_message
 from robot_stack.navigation.nodes.people_markers import people_markers
 from robot_stack.navigation.path import Path
-from robot_stack.navigation.people import Person
 
 
 class NavigationOutputs:
-    """Publishers of the node ``navigation_controller``. sightings: people seen in fewer costmaps are left out."""
+    """Publishers of the node ``navigation_controller``. sightings: people seen in fewer grids are left out."""
 
     def __init__(self, node: StackNode, sightings: int) -> None:
         self._node, self._sightings = node, sightings

@@ -11,7 +11,7 @@ from std_msgs.msg import ColorRGBA
 from visualization_msgs.msg import Marker, MarkerArray
 
 from robot_stack.contract import frames
-from robot_stack.navigation.people import Person, confirmed
+from robot_stack.core.people import Person, confirmed
 
 WALKING, PERSON, OBJECT, VELOCITY = "walking", "person", "object", "velocity"
 AHEAD_S = 1.0
@@ -27,7 +27,7 @@ def kind_of(person: Person) -> str:
 
 
 def people_markers(people: Iterable[Person], stamp: Time, stamp_s: float, sightings: int) -> MarkerArray:
-    """At stamp_s, in odom. sightings: people seen in fewer costmaps are left out."""
+    """At stamp_s, in odom. sightings: people seen in fewer grids are left out."""
     markers = []
     for number, person in enumerate(confirmed(people, sightings)):
         markers.append(_cylinder(person, number, stamp, stamp_s))

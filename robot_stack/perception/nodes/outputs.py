@@ -1,4 +1,4 @@
-"""Publishers of the perception pipeline: obstacles, ends of observed space and of ground, moving objects, the grid."""
+"""Publishers of the perception pipeline: obstacles, ends of observed space and of ground, moving objects, grid."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from builtin_interfaces.msg import Time
 from nav_msgs.msg import OccupancyGrid
 
 from robot_stack.contract import frames, topics
+from robot_stack.core.people import Person, people_points
 from robot_stack.core.point_cloud import moving_points, points_from_xyz
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.point_cloud import cloud_message, fill
@@ -22,10 +23,13 @@ _SPACE_DUE_S = 1.0 / topics.SPACE.nominal_rate_hz - 0.5 / topics.OBSTACLES.nomin
 
 
 class PerceptionOutputs:
-    """Publishers of the node ``perception_pipeline``. grid: returns the present grid of the space."""
+    """Publishers of the node ``perception_pipeline``. grid: returns the present grid of the space, people: those in it
+    at a stamp."""
 
-    def __init__(self, node: StackNode, grid: Callable[[], SpaceGrid]) -> None:
-        self._grid = grid
+    def __init__(
+        self, node: StackNode, grid: Callable[[], SpaceGrid], people: Callable[[float], tuple[Person, ...]]
+    ) -> None:
+        self._grid, self._people_at = grid, people
         self._cloud = cloud_message(points_from_xyz(np.empty((0, 3))), frames.BASE_LINK)
         self._ends = cloud_message(points_from_xyz(np.empty((0, 3))), frames.BASE_LINK)
         self._no_ground = cloud_message(points_from_xyz(np.empty((0, 3))), frames.BASE_LINK)
@@ -33,7 +37,8 @@ class PerceptionOutputs:
         self._moving = node.advertise(topics.MOVING)
         self._obstacles, self._unseen = node.advertise(topics.OBSTACLES), node.advertise(topics.UNSEEN_SPACE)
         self._groundless = node.advertise(topics.NO_GROUND)
-        self._space = node.advertise(topics.SPACE)
+        self._space, self._people = node.advertise(topics.SPACE), node.advertise(topics.PEOPLE)
+        self._persons = cloud_message(people_points((), 0.0), frames.ODOM)
         self._space_s = -math.inf  # stamp of the last one
         self._repeat = node.create_timer(1.0 / topics.OBSTACLES.nominal_rate_hz, self._send_again)
         self._repeat.cancel()
@@ -53,6 +58,9 @@ class PerceptionOutputs:
         self._send()
         if not 0.0 <= scene.stamp_s - self._space_s < _SPACE_DUE_S:
             self._space_s = scene.stamp_s
+            fill(self._persons, people_points(self._people_at(scene.stamp_s), scene.stamp_s))
+            self._persons.header.stamp = stamp
+            self._people.publish(self._persons)
             self._space.publish(_grid_message(self._grid(), stamp))
         if twice:
             self._repeat.reset()

@@ -34,7 +34,7 @@ class PerceptionPipelineNode(StackNode):
         height_m = self.robot.lidar_xyz_m[2]
         self._watch, self._overhead_watch = (Watch(self.params.watch, height_m) for _ in range(2))
         self._excused = too_near(self.robot, load_docks().latched_wheelchair(), self.params.watch)
-        self._outputs = PerceptionOutputs(self, self._pipeline.grid)
+        self._outputs = PerceptionOutputs(self, self._pipeline.grid, self._pipeline.people)
         self.subscribe(topics.ODOM, self._on_odometry)
         self.subscribe(topics.IMU, self._on_imu)
         self.subscribe(topics.LATCH_STATUS, self._on_latch)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +24,20 @@ Floats = NDArray[np.float64]
 _SHOWN = 24  # points published per object
 _MOST = 300  # largest number of evaluated cells: a dozen people beside the robot give fewer
 NOBODY: NDArray[np.float32] = np.empty((0, 5), np.float32)
+
+
+@dataclass(frozen=True, slots=True)
+class MovingBody:
+    """In odom. x, y: m, of the middle of its visible points. vx, vy: m/s. sigma_m, sigma_mps: standard deviations along
+    each axis. extent_m: of its visible points along x and y."""
+
+    x: float
+    y: float
+    vx: float
+    vy: float
+    sigma_m: float
+    sigma_mps: float
+    extent_m: tuple[float, float]
 
 
 @dataclass(slots=True)
@@ -216,6 +230,18 @@ class MovingObjects:
             for track in self._tracks
             for x, y, _ in track.places(stamp_s - track.at_s)[:1]
         )
+
+    def bodies(self, stamp_s: float) -> list[MovingBody]:
+        """Moving objects that were detected within the last ``missed_s``, predicted to the stamp."""
+        found = list[MovingBody]()
+        for track in self._tracks:
+            if track.moves and abs(stamp_s - track.seen_s) <= self._params.missed_s:
+                now = replace(track)
+                now.predict(stamp_s, self._params.acceleration_mps2)
+                width_m, depth_m = np.ptp(track.shape[:, :2], axis=0).tolist()
+                sigma_m, sigma_mps = math.sqrt(max(now.p11, 0.0)), math.sqrt(max(now.p22, 0.0))
+                found.append(MovingBody(now.x, now.y, now.vx, now.vy, sigma_m, sigma_mps, (width_m, depth_m)))
+        return found
 
     def at(self, stamp_s: float, pose: Pose2) -> NDArray[np.float32]:
         """(n, 5) x, y, z, vx, vy in base_link at ``pose``, m, m/s: points of moving objects, predicted to the stamp."""

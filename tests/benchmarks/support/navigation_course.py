@@ -19,6 +19,7 @@ LENGTH_M, WIDTH_M = 32.0, 16.0
 PERSON_RADIUS_M = 0.25
 _GATE_M = 1.3
 _RAYS, _RANGE_M = 720, 8.0
+_LIDAR_X_M = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,6 +225,13 @@ class Sensor:
         self._still = raster(made.boxes, shape, 0.0, 0.0, COSTMAP_RESOLUTION_M)
         self._memory = np.full(shape, -1, np.int8)
 
+    def occupied(self) -> npt.NDArray[np.bool_]:
+        """Boxes and walkers from the map's corner on, in cells of the costmap."""
+        occupied, r = self._still.copy(), COSTMAP_RESOLUTION_M
+        for one in self._course.walkers:
+            _disc(occupied, one.x / r, one.y / r, PERSON_RADIUS_M / r)
+        return occupied
+
     def costmap(self, pose: Pose2) -> tuple[Pose2, npt.NDArray[np.int8]]:
         """(origin, cells). Here the odom frame equals the map frame."""
         r, n = COSTMAP_RESOLUTION_M, round(COSTMAP_M / COSTMAP_RESOLUTION_M)
@@ -231,7 +239,7 @@ class Sensor:
         for one in self._course.walkers:
             jitter = self._random.normal(0.0, 0.02, 2)
             _disc(occupied, (one.x + jitter[0]) / r, (one.y + jitter[1]) / r, PERSON_RADIUS_M / r)
-        lidar = pose.compose(Pose2(0.2, 0.0, 0.0))
+        lidar = pose.compose(Pose2(_LIDAR_X_M, 0.0, 0.0))
         seen = _seen(occupied, lidar.y / r, lidar.x / r, _RAYS, _RANGE_M / r)
         # Walkers are marked only while visible, as in a costmap whose marks decay.
         walks = (seen == OCCUPIED) & ~self._still

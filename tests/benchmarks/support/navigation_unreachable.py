@@ -95,6 +95,7 @@ def _ticks(controller: NavigationController) -> Refused:
     while time.monotonic() < end_s:
         wall_s, cpu_s, now_s = time.perf_counter(), time.thread_time(), ticks * _TICK_S
         if ticks % 4 == 0:
+            controller.around.on_people(now_s, (), now_s)
             controller.around.on_costmap(now_s, 0.05, Pose2(-4.2, -4.2, 0.0), costmap, now_s)
         if ticks == 0:
             controller.request(goal, now_s, located)

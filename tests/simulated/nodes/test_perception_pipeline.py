@@ -14,7 +14,7 @@ from sensor_msgs.msg import Imu, PointCloud2
 
 from robot_stack.contract import topics
 from robot_stack.core.geometry import Pose2
-from robot_stack.core.point_cloud import MOVING, XYZ, Points, xyz_of
+from robot_stack.core.point_cloud import MOVING, PEOPLE, XYZ, Points, xyz_of
 from robot_stack.middleware.conversions import quaternion_to_msg, time_to_s
 from robot_stack.middleware.point_cloud import cloud_message, points_of
 from tests.simulated.bench import Bench
@@ -46,7 +46,7 @@ class Scene:
         self.frozen = False
         self.obstacles, self.space = bench.listen(topics.OBSTACLES), bench.listen(topics.SPACE)
         self.unseen, self.moving = bench.listen(topics.UNSEEN_SPACE), bench.listen(topics.MOVING)
-        self.no_ground = bench.listen(topics.NO_GROUND)
+        self.no_ground, self.people = bench.listen(topics.NO_GROUND), bench.listen(topics.PEOPLE)
         self.diagnoses = bench.listen(topics.DIAGNOSTICS)
         # Few columns: the thresholds of sufficient data are not under test.
         given = {"watch.points_min": 3000, "watch.stamp_old_s": 2.0, "watch.sector_silent_s": 0.6}
@@ -131,6 +131,8 @@ def test_obstacles_and_space_of_half_sweeps(scene: Scene) -> None:
     assert 0.0 <= scene.bench.stamp_s() - time_to_s(cloud.header.stamp) < 0.06
     assert scene.moving.last.header.frame_id == "base_link"
     assert len(points_of(scene.moving.last, MOVING)) == 0  # no moving body
+    assert scene.people.last.header == grid.header
+    assert points_of(scene.people.last, PEOPLE)["walked"].sum() == 0
     assert scene.no_ground.last.header.frame_id == "base_link"
     assert np.abs(xyz_of(points_of(scene.no_ground.last, XYZ))[:, :2]).max() > 0.6
     xyz = xyz_of(points_of(cloud, XYZ))

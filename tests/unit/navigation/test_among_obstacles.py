@@ -15,17 +15,18 @@ from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.goals import GoalStatus
 from robot_stack.core.limits import MotionLimits
+from robot_stack.core.people import Person
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
 from robot_stack.core.zones import Zone
 from robot_stack.navigation.controller import NavigationController, Output, Situation
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.goal import GoalCode, GoalEnd
-from robot_stack.navigation.people import PeopleTracker
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.rollout_kernels import along_poses, free_time
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteSolver
 from robot_stack.navigation.states import NavigationState
 from robot_stack.navigation.velocity_smoother import VelocitySmoother
+from tests.support.sweeps import Sweeps
 from tests.unit.navigation.plant import ROBOT, Drive, params, request
 
 _N, _RES = 200, 0.05
@@ -52,18 +53,29 @@ class Story:
         self.footprint = ROBOT.footprint_with_chair if chair else ROBOT.footprint
         self.paint = paint
         self.now_s = 10.0
-        self.seeing = True
+        self.seeing = self.watching = True
         self.outputs: list[Output] = []
         self.clearances: list[float] = []
         self.poses: list[Pose2] = []
+        self.sweeps = Sweeps(ROBOT, np.random.default_rng(1))
         self._ticks = 0
 
-    def look(self) -> None:
+    def sweep(self) -> None:
+        lethal, x0, y0 = self._painted()
+        self.sweeps.sweep(self.now_s, self.drive.pose, lethal, _RES, x0, y0)
+
+    def _painted(self) -> tuple[npt.NDArray[np.bool_], float, float]:
+        """Lethal cells around the robot, and their corner."""
         x0, y0 = round(self.drive.pose.x / _RES) * _RES - 5.0, round(self.drive.pose.y / _RES) * _RES - 5.0
         axis = (np.arange(_N) + 0.5) * _RES
         x, y = np.meshgrid(x0 + axis, y0 + axis)
-        lethal = self.paint(self.now_s, x, y)
+        return self.paint(self.now_s, x, y), x0, y0
+
+    def look(self) -> None:
+        lethal, x0, y0 = self._painted()
         cells = np.where(lethal, 100, 0).astype(np.int8)
+        if self.watching:
+            self.controller.around.on_people(self.now_s, self.sweeps.people(self.now_s), self.now_s)
         assert self.controller.around.on_costmap(self.now_s, _RES, Pose2(x0, y0, 0.0), cells, self.now_s) == ""
         here = np.array([(self.drive.pose.x, self.drive.pose.y, self.drive.pose.yaw)])
         field = self.controller.around.local
@@ -78,6 +90,8 @@ class Story:
         return Located(self.drive.pose, self.drive.twist, IDENTITY)
 
     def tick(self) -> Output:
+        if self.seeing and self._ticks % 2 == 0:
+            self.sweep()
         if self.seeing and self._ticks % 4 == 0:
             self.look()
         self._ticks += 1
@@ -317,6 +331,46 @@ def test_stale_costmap_stops_at_once_and_a_fresh_one_resumes() -> None:
     story.until(reached)
 
 
+def test_stale_people_stop_the_robot_and_fresh_ones_resume() -> None:
+    story = Story(nothing, corridor())
+    story.go(Pose2(12.0, 5.0, 0.0))
+    story.until(lambda output: output.twist.speed() > 0.3)
+    story.watching = False
+    output = story.until(lambda output: output.state is NavigationState.HELD, 1.3)
+    assert output.twist == ZERO_TWIST
+    assert output.text == "/perception/people silent for more than 1.0 s"
+    story.watching = True
+    story.until(lambda output: output.twist.speed() > 0.3)
+
+
+def test_a_repeated_list_of_people_is_not_fresh() -> None:
+    around = Story(nothing).controller.around
+    around.on_costmap(1.0, _RES, IDENTITY, np.zeros((4, 4), np.int8), 3.0)
+    for received_s in (1.0, 3.0):
+        around.on_people(1.0, (), received_s)
+    assert around.problem(3.0) == "/perception/people silent for more than 1.0 s"
+
+
+def test_people_at_obstacles_of_the_map_are_left_out() -> None:
+    around = Story(nothing, corridor()).controller.around
+    wall, free = (Person(1.0, 5.0, y, walks=True, walked=True, apart_s=1.0) for y in (0.1, 5.0))
+    around.on_people(1.0, (wall, free), 1.0)
+    assert around.people == (free,)
+
+
+def test_cells_of_a_walker_are_no_static_obstacle_where_the_walker_is_at_the_costmap_s_stamp() -> None:
+    story = Story(nothing)
+    around, cells = story.controller.around, np.zeros((200, 200), np.int8)
+    cells[98:103, 62:67] = 100  # the walker, 0.2 s after its detection
+    cells[98:103, 100:105] = 100
+    box = (2.9, 4.9, 3.15, 5.15)
+    walker = Person(1.0, 3.0, 5.0, 1.0, 0.0, 0.25, box, walks=True, walked=True, apart_s=1.0)
+    around.on_people(1.0, (walker,), 1.0)
+    around.on_costmap(1.2, _RES, IDENTITY, cells, 1.2)
+    assert around.local is not None
+    assert set(np.floor(around.local.points()[:, 0] / _RES).astype(int)) == set(range(100, 105))
+
+
 def test_never_a_costmap_never_a_motion() -> None:
     story = Story(nothing)
     story.seeing = False
@@ -365,33 +419,6 @@ def test_same_seed_same_commands() -> None:
             story.tick()
         twists.append([output.twist for output in story.outputs])
     assert twists[0] == twists[1]
-
-
-def test_tracker_estimates_speed_and_drops_tracks() -> None:
-    tracker = PeopleTracker(params().people)
-    known = np.zeros((100, 100), np.bool_)
-    ys, xs = np.mgrid[0:100, 0:100]
-    for i in range(10):
-        heap = np.hypot(xs - (20 + 4 * i), ys - 50) < 5  # 4 cells of 0.05 m in 0.2 s: 1 m/s
-        tracker.update(0.2 * i, heap, known, 0.05, 0.0, 0.0)
-    (person,) = tracker.people
-    assert person.walks
-    assert person.vx == pytest.approx(1.0, abs=0.1)
-    assert person.vy == pytest.approx(0.0, abs=0.05)
-    empty = np.zeros_like(known)
-    tracker.update(3.0, empty, known, 0.05, 0.0, 0.0)
-    assert tracker.people == ()
-
-
-def test_tracker_ignores_mapped_and_large_objects() -> None:
-    tracker = PeopleTracker(params().people)
-    heap = np.zeros((100, 100), np.bool_)
-    heap[10:16, 10:16] = True
-    tracker.update(0.0, heap, heap, 0.05, 0.0, 0.0)
-    assert tracker.people == ()
-    heap[10:16, 10:60] = True
-    tracker.update(0.2, heap, np.zeros_like(heap), 0.05, 0.0, 0.0)
-    assert tracker.people == ()
 
 
 def test_ramp_treats_non_finite_values_as_zero() -> None:

@@ -9,11 +9,11 @@ import pytest
 
 from robot_stack.core.geometry import Pose2, exp_se2
 from robot_stack.core.limits import MotionLimits
+from robot_stack.core.people import Person
 from robot_stack.core.site_map import OCCUPIED, Grid
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.goal import GoalCode, GoalEnd
 from robot_stack.navigation.path import Path
-from robot_stack.navigation.people import Person
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.pose_follower import PoseFollower
 from robot_stack.navigation.speed_limits import outside, speed_limits
