@@ -89,10 +89,9 @@ def assert_recorded_and_filmed(folder: Path, output: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("devices", [(), ("--devices",)], ids=["topics", "wires"])
-def test_short_demo_carries_the_wheelchair(demo: Demo, tmp_path: Path, devices: tuple[str, ...]) -> None:
-    """Also by the robot's own drivers, on devices simulated at their wires."""
-    process = demo("--short", *devices)
+def test_short_demo_carries_the_wheelchair(demo: Demo, tmp_path: Path) -> None:
+    """By the robot's own drivers, on devices simulated at their wires. On topics: tests/simulated/test_carrying.py."""
+    process = demo("--short", "--devices")
     code = process.wait(1700.0)
     output = process.output()
     assert code == 0, output

@@ -90,10 +90,10 @@ def test_killed_controller_keeps_the_wheelchair_after_restart() -> None:
 
 
 def test_a_latch_that_does_not_confirm_is_given_up_with_a_reason() -> None:
-    with staged_before_chair(START, "docking_controller.tries=2") as stage:
+    with staged_before_chair(START, "docking_controller.tries=1") as stage:
         stage.inject("latch_no_confirm")
         result = stage.begin_docking().wait(120.0)
-        assert (result.success, result.error_code, result.tries) == (False, result.LATCH_FAILED, 2)
+        assert (result.success, result.error_code, result.tries) == (False, result.LATCH_FAILED, 1)
         assert "did not close" in result.reason
         stage.wait_stands(3.0)
         stage.wait_docking("FAILED", 2.0)
