@@ -120,35 +120,25 @@ class TestDoctor:
         assert code == 0
         assert {"python", "cores", "shared memory", "interfaces", "configuration", "network", "clock"} <= set(found)
 
-    def test_whatever_is_not_well_comes_with_advice(self, ros_domain: int) -> None:
-        _, found = self.findings(ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET")
-        worse = [entry for entries in found.values() for entry in entries if entry["level"] != "ok"]
-        assert all(entry["advice"] for entry in worse)
-        assert found["network"][0]["level"] == "note"
-
-    @pytest.mark.parametrize(
-        ("file", "text", "field"),
-        [
+    def test_all_that_is_wrong_is_named_with_advice(self, own_config: Path) -> None:
+        wrong = (
             ("robot.yaml", "wheel_radius_m: -1", "wheel_radius_m"),
             ("swerve_controller.yaml", "surprise: 1", "surprise"),
             ("profiles/sim.yaml", "machine: boat", "machine"),
             ("worlds/flat.yaml", "[", "not valid YAML"),
-        ],
-    )
-    def test_wrong_configuration_is_named(
-        self, ros_domain: int, own_config: Path, file: str, text: str, field: str
-    ) -> None:
-        (own_config / file).write_text(text)
-        code, found = self.findings(ROBOT_STACK_CONFIG=str(own_config))
+        )
+        for file, text, _ in wrong:
+            (own_config / file).write_text(text)
+        code, found = self.findings(
+            ROBOT_STACK_CONFIG=str(own_config), ROS_DOMAIN_ID="300", ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET"
+        )
         assert code == 1
-        problems = " ".join(entry["what"] for entry in found["configuration"])
-        assert file in problems
-        assert field in problems
-
-    def test_wrong_domain_is_named(self) -> None:
-        code, found = self.findings(ROS_DOMAIN_ID="300")
-        assert code == 1
+        worse = [entry for entries in found.values() for entry in entries if entry["level"] != "ok"]
+        assert all(entry["advice"] for entry in worse)
+        assert found["network"][0]["level"] == "note"
         assert "0..232" in found["ROS domain"][0]["what"]
+        problems = " ".join(entry["what"] for entry in found["configuration"])
+        assert [text for file, _, field in wrong for text in (file, field) if text not in problems] == []
 
 
 def test_benchmarks_are_listed_and_unknown_ones_refused() -> None:
@@ -407,23 +397,19 @@ def test_topics_command_reports_missing_and_present_publishers(controller: Peer,
     assert found["/sensors/imu"]["verdict"] == "not run"
 
 
-def test_topics_names_strangers_wrong_types_and_unknown_topics(
+def test_topics_names_strangers_wrong_types_wrong_qos_silence_and_unknown_topics(
     controller: Peer, peer: Peer, drive_profile: str
 ) -> None:
-    peer.repeat(topics.ODOM, Odometry, 50.0)
+    controller.node.create_publisher(Odometry, topics.ODOM.name, 10)
+    peer.publisher(topics.ODOM)
     controller.node.create_publisher(String, topics.WHEEL_COMMANDS.name, qos_profile(topics.WHEEL_COMMANDS.qos))
     controller.node.create_publisher(String, "/mine", 1)
     _, found, unknown = measure(drive_profile)
     assert "published by peer, which the contract does not name" in found["/odom"]["problems"]
-    assert "type std_msgs/msg/String in the graph" in found["/swerve/wheel_commands"]["problems"]
-    assert unknown == ["/mine"]
-
-
-def test_topics_names_wrong_qos(controller: Peer, drive_profile: str) -> None:
-    controller.node.create_publisher(Odometry, topics.ODOM.name, 10)
-    _, found, _ = measure(drive_profile)
     assert "swerve_controller publishes RELIABLE, VOLATILE" in found["/odom"]["problems"]
     assert "advertised, but nothing is sent" in found["/odom"]["problems"]
+    assert "type std_msgs/msg/String in the graph" in found["/swerve/wheel_commands"]["problems"]
+    assert unknown == ["/mine"]
 
 
 def test_rates_are_those_of_simulated_time(ros_domain: int, peer: Peer) -> None:

@@ -160,10 +160,37 @@ def assert_nothing_left(stack: Stack) -> None:
 
 
 def test_up_returns_when_all_are_ready_and_down_leaves_nothing(running: Stack) -> None:
-    status = ask("status")
+    """Meanwhile: names, groups, shared memory and logs of the processes, and commands that change nothing."""
+    done = running.command("status", "--json")
+    assert done.returncode == 0
+    status = json.loads(done.stdout)
     assert status["ready"] is True
     assert {item["name"] for item in status["processes"]} == set(NAMES)
-    assert all(item["state"] == "ready" and item["restarts"] == 0 for item in status["processes"])
+    for item in status["processes"]:
+        assert (item["state"], item["restarts"]) == ("ready", 0)
+        assert item["heartbeat_age_s"] >= 0.0
+        assert item["pss_mb"] > 1.0
+        assert 0.0 <= item["cpu_pct"] <= 100.0 * os.cpu_count()
+        process = psutil.Process(item["pid"])
+        assert process.cmdline()[0] == f"robot-stack: {item['name']}"
+        assert process.name() == item["name"]
+        assert os.getpgid(process.pid) == process.pid
+        memory = process.memory_full_info()
+        assert memory.pss < 0.75 * memory.rss  # forked from one server, so common imports are shared
+    logs = {path.name for path in (running.logs / "latest").glob("*.log")}
+    assert logs == {"supervisor.log", *(f"{name}.log" for name in NAMES)}
+    assert "working" in running.log("steady")
+    assert "all 3 processes are ready" in running.log("supervisor")
+    for arguments, code, text in (
+        (("restart", "nobody"), 2, "'nobody' does not run here; processes: steady, other, spare"),
+        (("up", "--profile", str(running.profile)), 1, "already running in ROS domain"),
+        (("up", "--profile", str(running.profile), "--set", "nobody.x=1"), 2, "'nobody' is no node of this profile"),
+    ):
+        done = running.command(*arguments)
+        assert (done.returncode, text in done.stderr) == (code, True), done.stderr
+    assert [running.entry(item["name"])["pid"] for item in status["processes"]] == [
+        item["pid"] for item in status["processes"]
+    ]
     done = running.command("down")
     assert done.returncode == 0
     assert done.stdout.strip() == "stopped 3 processes"
@@ -202,16 +229,6 @@ def test_a_stack_with_a_home_of_its_own_neither_meets_nor_leaves_a_latched_stop(
     assert all(path.read_bytes() == pressed for path in user_files)
 
 
-def test_processes_share_memory_have_their_names_and_groups(running: Stack) -> None:
-    for name in NAMES:
-        process = psutil.Process(running.entry(name)["pid"])
-        assert process.cmdline()[0] == f"robot-stack: {name}"
-        assert process.name() == name
-        assert os.getpgid(process.pid) == process.pid
-        memory = process.memory_full_info()
-        assert memory.pss < 0.75 * memory.rss  # forked from one server, so common imports are shared
-
-
 @pytest.mark.skipif(os.getuid() != 0, reason="only root may make a process more urgent")
 def test_critical_processes_go_first(running: Stack) -> None:
     pids = [running.entry(name)["pid"] for name in NAMES]
@@ -219,24 +236,33 @@ def test_critical_processes_go_first(running: Stack) -> None:
     assert os.getpriority(os.PRIO_PROCESS, ask("status")["pid"]) == -15
 
 
-def test_logs_lie_in_one_folder(running: Stack) -> None:
-    assert {path.name for path in (running.logs / "latest").glob("*.log")} == {
-        "supervisor.log",
-        *(f"{name}.log" for name in NAMES),
-    }
-    assert "working" in running.log("steady")
-    assert "all 3 processes are ready" in running.log("supervisor")
-
-
-def test_crash_is_restarted_with_backoff_and_others_stay(running: Stack) -> None:
+def test_killed_hung_and_stopped_processes_are_restarted_and_a_killed_forkserver_costs_one_more(running: Stack) -> None:
+    """The stopped one (SIGSTOP) is alive for the kernel, without heartbeats, and does not react to SIGTERM."""
     before = {name: running.entry(name)["pid"] for name in NAMES}
     os.kill(before["steady"], signal.SIGKILL)
     waiting = running.wait_entry("steady", lambda item: item["state"] == "backoff", "to wait for its restart")
     assert "signal 9" in waiting["reason"]
-    after = running.wait_entry("steady", lambda item: item["state"] == "ready", "to be ready again")
-    assert after["restarts"] == 1
-    assert after["pid"] != before["steady"]
+    running.wait_entry("steady", lambda item: item["state"] == "ready", "to be ready again")
     assert running.entry("other")["pid"] == before["other"]
+
+    os.kill(before["other"], signal.SIGSTOP)
+    running.order("spare", "hang")
+    hung = running.wait_entry("spare", lambda item: item["state"] == "hung", "to be found hung")
+    assert "no heartbeat for 3 s" in hung["reason"]
+    running.obey_no_more("spare")
+    after = {
+        name: running.wait_entry(name, lambda item: item["state"] == "ready" and item["restarts"] == 1, "to be back")
+        for name in NAMES
+    }
+    assert "SIGKILL" in running.log("supervisor")
+    assert not any(map(_alive, before.values()))
+
+    forkserver = psutil.Process(after["steady"]["pid"]).ppid()
+    assert forkserver != ask("status")["pid"]
+    os.kill(forkserver, signal.SIGKILL)
+    for name in NAMES:
+        running.wait_entry(name, lambda item: item["state"] == "ready" and item["restarts"] == 2, "to be back again")
+    assert not any(_alive(item["pid"]) for item in after.values())
 
 
 def test_restarts_end_after_too_many_crashes_until_manual_restart(running: Stack) -> None:
@@ -249,27 +275,6 @@ def test_restarts_end_after_too_many_crashes_until_manual_restart(running: Stack
     running.obey_no_more("other")
     assert running.command("restart", "other").returncode == 0
     running.wait_entry("other", lambda item: item["state"] == "ready", "to run again")
-
-
-def test_hung_process_is_detected_and_restarted(running: Stack) -> None:
-    pid = running.entry("spare")["pid"]
-    running.order("spare", "hang")
-    hung = running.wait_entry("spare", lambda item: item["state"] == "hung", "to be found hung")
-    assert "no heartbeat for 3 s" in hung["reason"]
-    running.obey_no_more("spare")
-    again = running.wait_entry("spare", lambda item: item["state"] == "ready", "to be ready again")
-    assert again["pid"] != pid
-    assert again["restarts"] == 1
-    assert not _alive(pid)
-
-
-def test_stopped_process_is_killed(running: Stack) -> None:
-    """SIGSTOP: alive for the kernel, without heartbeats, and not reacting to SIGTERM."""
-    pid = running.entry("other")["pid"]
-    os.kill(pid, signal.SIGSTOP)
-    running.wait_entry("other", lambda item: item["state"] == "ready" and item["restarts"] == 1, "to be replaced")
-    assert "SIGKILL" in running.log("supervisor")
-    assert not _alive(pid)
 
 
 def test_stubborn_process_and_its_child_do_not_survive_down(running: Stack) -> None:
@@ -331,33 +336,18 @@ def _answers() -> bool:
         return False
 
 
-def test_second_up_is_refused_and_changes_nothing(running: Stack) -> None:
-    before = running.entry("steady")["pid"]
-    done = running.up()
-    assert done.returncode == 1
-    assert "already running in ROS domain" in done.stderr
-    assert running.entry("steady")["pid"] == before
-
-
 def test_killed_supervisor_takes_its_processes_along(running: Stack) -> None:
+    """Also a child of one, and one of which no thread can run, so that only the kernel can end it."""
     running.order("steady", "child")
     wait_for(lambda: psutil.Process(running.entry("steady")["pid"]).children(), "a child process")
+    running.order("spare", "locked")
     running.note()
     os.kill(ask("status")["pid"], signal.SIGKILL)
     wait_for(lambda: not running.alive(), "every process to stop by itself", 10.0)
     assert "the supervisor has died" in running.log("steady")
+    running.obey_no_more("spare")
     done = running.up()
     assert done.returncode == 0, done.stderr
-
-
-def test_killed_forkserver_costs_a_restart_not_the_stack(running: Stack) -> None:
-    before = running.entry("steady")["pid"]
-    forkserver = psutil.Process(before).ppid()
-    assert forkserver != ask("status")["pid"]
-    os.kill(forkserver, signal.SIGKILL)
-    for name in NAMES:
-        running.wait_entry(name, lambda item: item["state"] == "ready" and item["restarts"] == 1, "to be back")
-    assert not _alive(before)
 
 
 def test_next_supervisor_ends_process_left_by_killed_supervisor(running: Stack) -> None:
@@ -372,14 +362,6 @@ def test_next_supervisor_ends_process_left_by_killed_supervisor(running: Stack) 
     assert done.returncode == 0, done.stderr
     assert not _alive(pid)
     assert f"earlier supervisor: {pid}" in running.log("supervisor")
-
-
-def test_an_orphan_that_hangs_at_its_end_with_the_interpreter_lock_is_ended(running: Stack) -> None:
-    """None of its threads can run, so only the kernel can end it."""
-    pid = running.entry("spare")["pid"]
-    running.order("spare", "locked")
-    os.kill(ask("status")["pid"], signal.SIGKILL)
-    wait_for(lambda: not _alive(pid), "the orphan to end", 10.0)
 
 
 def test_down_ends_a_supervisor_that_does_not_answer(running: Stack) -> None:
@@ -416,29 +398,6 @@ def test_foreground_stops_on_sigterm(stack: Stack, tmp_path: Path) -> None:
     assert_nothing_left(stack)
 
 
-def test_own_parameters_reach_the_process_as_a_file(running: Stack) -> None:
-    done = running.up("--set", "nobody.x=1")
-    assert done.returncode == 2
-    assert "'nobody' is no node of this profile" in done.stderr
-
-
-def test_restart_of_an_unknown_process_is_refused(running: Stack) -> None:
-    done = running.command("restart", "nobody")
-    assert done.returncode == 2
-    assert "'nobody' does not run here; processes: steady, other, spare" in done.stderr
-
-
-def test_status_as_json(running: Stack) -> None:
-    done = running.command("status", "--json")
-    assert done.returncode == 0
-    status = json.loads(done.stdout)
-    assert status["processes"]
-    for item in status["processes"]:
-        assert item["heartbeat_age_s"] >= 0.0
-        assert item["pss_mb"] > 1.0
-        assert 0.0 <= item["cpu_pct"] <= 100.0 * os.cpu_count()
-
-
 class TestEmergencyStop:
     """Emergency stop and reset by the supervisor's node."""
 
@@ -448,7 +407,9 @@ class TestEmergencyStop:
         wait_for(lambda: ask("safety")["safety"], "the safety monitor to be heard by the supervisor")
         return made
 
-    def test_estop_and_reset(self, running: Stack, safety: FakeSafety) -> None:
+    def test_estop_and_reset_with_and_without_a_reason_against_it(
+        self, running: Stack, safety: FakeSafety, peer: Peer
+    ) -> None:
         done = running.command("estop")
         assert done.returncode == 0, done.stderr
         assert safety.active
@@ -458,12 +419,17 @@ class TestEmergencyStop:
         assert done.returncode == 0, done.stderr
         assert done.stdout == "released: ESTOP_PRESSED\n"
         assert safety.requests == [True, False]
-
-    def test_refused_reset_shows_the_reason(self, running: Stack, safety: FakeSafety) -> None:
         safety.refusals = ["refused: the robot moves"] * 100
         done = running.command("reset")
         assert done.returncode == 1
         assert done.stderr.startswith("error: refused: the robot moves; ")
+
+        # After a release by others: the supervisor's latched true would stop a node that starts later.
+        safety.requests.clear()
+        running.command("estop")
+        peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
+        safety.active = False
+        wait_for(lambda: safety.requests == [True, False, False], "the supervisor to follow", 10.0)
 
     def test_unconfirmed_estop_is_sent_twice_and_an_error(self, running: Stack, safety: FakeSafety) -> None:
         safety.obeys = False
@@ -478,15 +444,6 @@ class TestEmergencyStop:
         done = running.command("estop")
         assert done.returncode == 0, done.stderr
         assert safety.active
-
-    def test_latched_stop_is_released_after_external_release(
-        self, running: Stack, safety: FakeSafety, peer: Peer
-    ) -> None:
-        """Otherwise the supervisor's latched true would stop a node that starts later."""
-        running.command("estop")
-        peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
-        safety.active = False
-        wait_for(lambda: safety.requests == [True, False, False], "the supervisor to follow", 10.0)
 
 
 @pytest.mark.parametrize(
