@@ -108,7 +108,9 @@ def test_robot_with_other_motors_drives_to_a_goal(tmp_path: Path, monkeypatch: p
 
 
 @pytest.mark.timeout(900)  # two dockings, the first of which teaches
+@pytest.mark.parametrize("size", ["small", "large"], indirect=True)
 def test_it_docks(size: str) -> None:
+    """The middle one has the shipped dimensions, with which tests/unit/docking/test_docking_jobs.py docks."""
     trial = Trial(
         seed=5,
         start=Pose2(0.15, -0.12, math.radians(4.0)),
