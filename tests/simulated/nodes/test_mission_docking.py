@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from std_msgs.msg import Bool
 
-from custom_msgs.action import Dock, Undock
+from custom_msgs.action import Dock
 from robot_stack.contract import topics
 from robot_stack.core.geometry import Pose2
 from robot_stack.mission.journal import SqliteJournal
@@ -129,22 +129,6 @@ def test_after_a_goal_that_was_lost_the_next_one_is_sent(world):
     assert docking.goals == [("dock", "chair_1")]
 
 
-def test_docking_without_a_server(world):
-    world.launch(docking_wait_s=1.5)
-    world.begin()
-    world.reason("docking to chair_1: waiting for docking_controller")
-    world.fails("docking to chair_1 failed: timed out after 2 s waiting for docking_controller", 1.5)
-
-
-def test_a_docking_that_hangs_is_cancelled(world):
-    docking = world.serve()
-    docking.hangs = True
-    world.launch(docking_timeout_s=1.5)
-    world.begin()
-    world.fails("docking to chair_1 failed: no result within 2 s", 1.5)
-    world.cancelled()
-
-
 @pytest.mark.parametrize("stop", ["PAUSE", "EMERGENCY_STOP"])
 def test_a_stop_cancels_and_resume_docks_again_after_a_slow_end(world, stop):
     docking = world.serve()
@@ -176,18 +160,6 @@ def test_abort_cancels_the_undocking_and_keeps_the_passenger(world):
     aborted = world.command("ABORT")
     assert (aborted.state, aborted.passenger_attached) == ("ABORTED", True)
     world.cancelled()
-
-
-def test_a_failed_undocking_ends_the_mission(world):
-    docking = world.serve()
-    world.launch()
-    world.begin()
-    world.state("RUNNING", "there")
-    docking.error = (Undock.Result.UNLATCH_FAILED, "")
-    world.pose = Pose2(4.0, 0.0, 0.0)
-    failed = world.state("FAILED")
-    assert failed.reason == "undocking from chair_1 failed: UNLATCH_FAILED"
-    assert failed.passenger_attached
 
 
 def test_a_docking_controller_that_is_killed(world):

@@ -231,13 +231,6 @@ def test_refusals(world, command, mission_id, why):
     assert world.navigation.goals == []
 
 
-def test_a_low_battery_refuses(world):
-    world.charge = 0.2
-    world.launch()
-    assert "battery at 20%" in world.command("START_MISSION", "ride").reason
-    assert world.navigation.goals == []
-
-
 def test_charge_is_taken_from_the_robot_status_without_battery_state(world):
     world.bench.silence(topics.BATTERY_STATE)
     world.bench.repeat(topics.ROBOT_STATUS, lambda: RobotStatus(battery_percent=20.0), 10.0)
@@ -516,20 +509,6 @@ def test_a_critical_battery_drives_to_the_safe_place_of_the_configuration(world)
     world.goal(2.0)
 
 
-def test_lost_localization_stops_relocalizes_and_asks(world):
-    world.launch()
-    world.command("START_MISSION", "ride")
-    world.goal(2.0)
-    world.safety_says("DEGRADED", "LOCALIZATION_LOST")
-    assert "check the pose" in world.state("PAUSED").reason
-    world.no_goal()
-    world.safety_says("NORMAL")
-    world.bench.run(30.0)
-    assert world.status.last.state == "PAUSED", "it asks"
-    assert world.command("RESUME").state == "RUNNING"
-    world.goal(2.0)
-
-
 def test_the_destination_changes_during_the_ride(world):
     (world.missions / "short.yaml").write_text(
         MISSION.replace("id: ride", "id: short").replace("x: 2.0", "x: -3.0"), encoding="utf-8"
@@ -598,41 +577,6 @@ def test_an_open_route_is_extended_while_driving_and_while_waiting(world):
     world.state("COMPLETED")
     ended = queue.wait(lambda q: q.ended, "its end").ended[0]
     assert (ended.id, ended.mission_id, ended.state, ended.open) == ("a", "tour", MissionOrder.COMPLETED, False)
-
-
-@pytest.mark.parametrize(
-    ("waypoints", "fields", "why"),
-    [
-        ([waypoint("p", float("nan"))], {}, "waypoint 1 'p': x: Input should be a finite number (is nan)"),
-        ([waypoint("p", 1.0), waypoint("p", 2.0)], {}, "every waypoint needs a unique name: p is used more than once"),
-        ([waypoint("p", 1.0, "hover")], {}, "waypoint 1 'p': action: must be pass, park, undock"),
-        ([waypoint("p", 1.0, "wait", wait_s=1e6)], {}, "waypoint 1 'p': action.wait_s: Input should be less than"),
-        ([waypoint("p", 1.0, "dock", dock_id="chair_9")], {}, "waypoint 'p' of 'tour': there is no dock 'chair_9'"),
-        ([waypoint("p", 1.0)], {"mission_id": "Tour 1"}, "id: String should match pattern"),
-        ([], {"mission_id": "ride"}, "an open order carries its route"),
-        ([], {"mission_id": "tour"}, "there is no mission 'tour'"),
-    ],
-)
-def test_a_route_that_cannot_be_driven_is_refused(world, waypoints, fields, why):
-    world.launch()
-    answer = fleet(world, "ADD", "a", *waypoints, **fields)
-    assert not answer.success
-    assert why in answer.message
-
-
-def test_an_extension_that_does_not_fit_or_cannot_be_stored_changes_nothing(world):
-    begin(world)
-    kept = SqliteJournal(world.journal).load()
-    for waypoints, first in (([waypoint("p2", 6.0)], 2), ([waypoint("p0", 3.0)], 0), ([waypoint("p0", 2.0)], 1)):
-        assert not fleet(world, "EXTEND", "a", *waypoints, first=first).success
-    assert not fleet(world, "EXTEND", "a", waypoint("p1", 4.0), first=1, origin=MissionOrder.CLI).success
-    world.bench.devices.disk.full = True
-    assert "cannot be written" in fleet(world, "EXTEND", "a", waypoint("p1", 4.0), first=1).message
-    world.bench.devices.disk.full = False
-    assert SqliteJournal(world.journal).load() == kept
-    assert (world.status.last.state, world.status.last.total_waypoints) == ("RUNNING", 1)
-    assert fleet(world, "EXTEND", "a", waypoint("p1", 4.0), first=1).success
-    assert len(world.navigation.goals) == 1, "the ride went on"
 
 
 def test_the_fleet_pauses_resumes_and_cancels_its_order_and_a_person_takes_over(world):
