@@ -313,19 +313,18 @@ def test_a_page_that_lost_its_link_shows_it_and_keeps_only_the_stop(
     assert "PAUSE" not in robot.commands
 
 
-@pytest.mark.parametrize("file", ["pages/rider.js", "texts.json"])
-def test_a_page_of_which_a_file_was_lost_comes_up_by_itself(
-    browser: Any, robot: StandInRobot, url: str, file: str
-) -> None:
+def test_a_page_of_which_a_file_was_lost_comes_up_by_itself(browser: Any, robot: StandInRobot, url: str) -> None:
     """As if the robot restarts while its kiosk loads the page."""
     context = browser.new_context()
-    page = context.new_page()
-    page.route(f"**/{file}", lambda route: route.abort())
-    page.goto(url)
-    until(page, "document.readyState === 'complete'")
-    assert page.evaluate("document.querySelector('#app').textContent") == ""
-    page.unroute(f"**/{file}")
-    page.wait_for_selector("[data-mission]")
+    pages = {file: context.new_page() for file in ("pages/rider.js", "texts.json")}
+    for file, page in pages.items():
+        page.route(f"**/{file}", lambda route: route.abort())
+        page.goto(url)
+        until(page, "document.readyState === 'complete'")
+        assert page.evaluate("document.querySelector('#app').textContent") == "", file
+        page.unroute(f"**/{file}")
+    for page in pages.values():
+        page.wait_for_selector("[data-mission]")
     context.close()
 
 
