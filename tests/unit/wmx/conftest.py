@@ -1,4 +1,4 @@
-"""A suite that runs on several engines runs with fewer values on the later ones."""
+"""A suite that runs on several engines runs with all values on the engine process alone (test_process.py)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections import defaultdict
 import pytest
 
 ALL_VARIABLE = "ROBOT_STACK_WMX_CONFORMANCE"
-_THINNED = ("TestAdapterOnTheFake", "TestEngineProcess", "TestBridge")
+_THINNED = ("TestAdapterOnTheFake", "TestBridge")
 _AT_MOST = 4
 _WHOLE = ("test_call_on_a_closed_device",)
 

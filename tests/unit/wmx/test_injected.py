@@ -1,4 +1,4 @@
-"""The port with access to drives and server: conformance again, then faults that no client can cause."""
+"""The port with access to drives and server: faults that no client can cause. Its conformance: test_process.py."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from robot_stack.wmx.api import (
 )
 from robot_stack.wmx.axes import Flag, Real
 from tests.support.waiting import wait_for
-from tests.unit.wmx.conformance import GOOD, LONG_WAY, SLOW, EngineConformance, along, cruising, in_state, pos, vel
+from tests.unit.wmx.conformance import GOOD, LONG_WAY, SLOW, along, cruising, in_state, pos, vel
 from tests.unit.wmx.harness import (
     N_AXES,
     POS,
@@ -387,10 +387,6 @@ class TestDeadClients:
         engine.api._channel._socket.close()  # type: ignore[attr-defined]
         wait_for(lambda: other.api.GetAllDevices()[1].count == 1, "the dead client's device to go")
         assert status(other).emergency_stop
-
-
-class TestInjectedConformance(EngineConformance):
-    """Runs every conformance test on this engine too: a failure here is the port's, not the harness's."""
 
 
 def test_all_axes_selection_helper() -> None:
