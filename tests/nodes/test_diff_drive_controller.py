@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import json
 import math
-import os
 import signal
 import sys
 import time
@@ -146,11 +144,6 @@ class Rig:
     def press(self, pressed: bool = True) -> None:
         self.peer.publish(topics.EMERGENCY_STOP, Bool(data=pressed))
 
-    def break_drives(self, **orders: object) -> None:
-        fresh = self.orders.with_suffix(".new")
-        fresh.write_text(json.dumps(orders), encoding="ascii")
-        os.replace(fresh, self.orders)
-
     # the engine's status, read without the node
 
     def wait_status(self, holds: Callable[[StatusSnapshot], object], what: str) -> StatusSnapshot:
@@ -219,31 +212,6 @@ def test_documented_topics(rig: Rig) -> None:
     assert (odometry.header.frame_id, odometry.child_frame_id) == ("odom", "base_link")
     assert odometry.pose == Odometry().pose, "no pose unless it is asked for"
     assert odometry.twist.covariance[0] > 0.0
-
-
-def test_commands_that_are_absurd_old_or_no_numbers(rig: Rig) -> None:
-    node = rig.ready().node
-    assert node is not None
-    limit = CONFIG["max_wheel_speed_radps"]
-    rig.drive(100.0, 100.0)  # far beyond the limit: the same curve
-    ratio = (1.0 - 0.5 * TRACK_M) / (1.0 + 0.5 * TRACK_M)
-    rig.wait_wheels(limit * ratio, limit)
-
-    for value in (math.nan, math.inf):
-        rig.drive(0.5)
-        rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
-        rig.drive(0.5, value)
-        rig.wait_rest()
-        node.wait_output(f"/cmd_vel refused, the wheels stop: angular.z is {value}, must be finite")
-
-    rig.drive(0.5)
-    rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
-    rig.peer.silence(topics.WMX_CMD_VEL)
-    # The whole change takes dec_time at any speed, without a step.
-    assert braking_s(rig.wait_status, 0, 0.5 / RADIUS_M) == pytest.approx(RAMP_S, rel=0.02)
-    node.wait_output("no command for 0.25 s")
-    rig.drive(0.2)
-    rig.wait_wheels(0.2 / RADIUS_M, 0.2 / RADIUS_M)
 
 
 def stamped(linear_mps: float, stamp: Any) -> TwistStamped:
@@ -315,49 +283,6 @@ def test_emergency_stop_without_and_with_a_safety_monitor(rig: Rig) -> None:
     rig.stays_at_rest()
     rig.drive(0.3)
     rig.wait_wheels(0.3 / RADIUS_M, 0.3 / RADIUS_M)
-
-
-def test_alarm_and_lost_bus_in_motion(rig: Rig) -> None:
-    rig.ready("-p", "dec_time:=5.0", "-p", "end_timeout_s:=0.2", *STREAM)
-    device = rig.device()
-    assert rig.node is not None
-    rig.drive(0.5)
-    rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
-    rig.break_drives(alarms={"1": 33})
-    rig.wait_rest()  # the left wheel too, faster than its command's 5 s
-    rig.node.wait_output("right wheel alarm 33; needs clear_alarm and set_on")
-    rig.break_drives()
-    rig.stays_at_rest()
-    assert device.read_status()[1].amp_alarm[1], "nobody clears it before somebody has looked"
-    # As the general node's services do.
-    device.core_motion.axisControl.ClearAmpAlarm(1)
-    rig.wait_status(lambda s: not s.amp_alarm.any(), "the alarm to be cleared")
-    device.core_motion.axisControl.SetServoOn(1, 1)
-    rig.wait_ready()
-    rig.stays_at_rest()
-    rig.drive(0.0)
-    rig.stays_at_rest()
-    rig.set_out(0.5)
-
-    rig.break_drives(connected=False)
-    rig.wait_status(lambda s: not s.communicating, "the loss of the bus")
-    rig.node.wait_output("communication with the drives is lost")
-    rig.odometry.items.clear()
-    rig.pass_s(0.3)
-    assert len(rig.odometry.items) <= 1, "nothing stale is published"
-    rig.break_drives()
-    rig.wait_ready()
-    rig.stays_at_rest()  # the twist is still 0.5
-    rig.set_out(0.5)
-
-
-def test_wheel_stopped_by_another_client_stops_the_base(rig: Rig) -> None:
-    rig.ready("-p", "dec_time:=5.0", "-p", "end_timeout_s:=0.2", *STREAM)
-    rig.drive(0.5)
-    rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
-    assert rig.device().core_motion.velocity.ExecQuickStop(0) == 0
-    rig.wait_rest()
-    rig.stays_at_rest()
 
 
 def test_hung_node_killed_node_killed_engine_and_orderly_end(rig: Rig) -> None:
@@ -446,20 +371,6 @@ def test_pose_transform_polarity_and_names(rig: Rig) -> None:
         lambda m: abs(m.transforms[0].transform.translation.x - pose.position.x) < 1e-6, "the transform at rest"
     ).transforms[0]
     assert (transform.header.frame_id, transform.child_frame_id) == ("world", "base_link")
-
-
-def test_wheels_without_their_parameter_file_stay_off(rig: Rig, tmp_path: Path) -> None:
-    rig.start_engine()
-    device = rig.device()
-    file = tmp_path / "base.xml"
-    node = rig.start_node("-p", f"wmx_param_file_path:={file}", "-p", "session.communication_retry_s:=0.3")
-    node.wait_output("FileOperationFailed")
-    assert not rig.wait_status(lambda s: s.communicating, "the bus").servo_on.any()
-    fresh = tmp_path / "base.new"
-    assert device.core_motion.config.GetAndExportAll(str(fresh)) == 0
-    os.replace(fresh, file)
-    rig.wait_ready()
-    rig.set_out(0.3)
 
 
 def test_profile_with_the_general_node_that_clears_alarms(ros_domain: int, peer: Peer, tmp_path: Path) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import math
 import signal
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -238,21 +237,7 @@ def test_infeasible_goals_are_rejected_with_reason(rig: Rig) -> None:
         message.trajectory.header.stamp = rig.now(seconds)
         return message
 
-    many = goal(*((0.01 * i, HOME) for i in range(1, 1002)))
-    refused(many, Result.INVALID_GOAL, "1001 points, the engine's spline takes at most 1000")
     refused(goal((1.0, THERE), joints=[*JOINTS[:5], "joint7"]), Result.INVALID_JOINTS, "unknown: 'joint7'")
-    refused(goal((1.0, THERE[:5]), joints=JOINTS[:5]), Result.INVALID_JOINTS, "missing: 'joint6'")
-    refused(goal((1.0, THERE), joints=[*JOINTS[:5], "joint1"]), Result.INVALID_JOINTS, "named twice: 'joint1'")
-    refused(goal((1.0, THERE[:5])), Result.INVALID_GOAL, "points[0].positions: 5 values for 6 joints")
-    refused(goal((1.0, [math.nan] * 6)), Result.INVALID_GOAL, "points[0].positions: not finite")
-    refused(goal((1.0, THERE), (1.0, HOME)), Result.INVALID_GOAL, "points[1].time_from_start")
-    refused(goal((0.0, THERE)), Result.INVALID_GOAL, "0.3000 rad away from the present position at time 0")
-    refused(goal((0.0, [0.1 * angle for angle in THERE])), Result.INVALID_GOAL, "no time to get")
-    refused(moving(goal((1.0, THERE)), [[0.0] * 5 + [0.1]]), Result.INVALID_GOAL, "joint6 ends at 0.1 rad/s")
-    refused(moving(goal((0.0, HOME), (1.0, THERE)), [[0.1] * 6, HOME]), Result.INVALID_GOAL, "0.1 rad/s at time 0")
-    partly = goal((1.0, THERE), (2.0, HOME))
-    partly.trajectory.points[1].velocities = [0.0] * 6
-    refused(partly, Result.INVALID_GOAL, "points[0].velocities: none, but points[1] has them")
     with_effort = goal((1.0, THERE))
     with_effort.trajectory.points[0].effort = [1.0] * 6
     refused(with_effort, Result.INVALID_GOAL, "points[0].effort: no efforts")
@@ -260,12 +245,9 @@ def test_infeasible_goals_are_rejected_with_reason(rig: Rig) -> None:
     refused(goal((0.1, THERE)), Result.INVALID_GOAL, "velocity")
     bad = [JointTolerance(name="joint9", position=0.1)]
     refused(goal((1.0, THERE), path_tolerance=bad), Result.INVALID_JOINTS, "path_tolerance: unknown joint 'joint9'")
-    bad = [JointTolerance(name="joint1", position=-3.0)]
-    refused(goal((1.0, THERE), goal_tolerance=bad), Result.INVALID_GOAL, "goal_tolerance: position of joint1 is -3")
-    for nothing, words in ((goal(joints=[]), "no points"), (goal((2.0, HOME)), "already there")):
-        status, code, text = rig.send_message(nothing).result()
-        assert (status, code) == (STATUS_SUCCEEDED, 0)
-        assert words in text
+    status, code, text = rig.send_message(goal(joints=[])).result()
+    assert (status, code) == (STATUS_SUCCEEDED, 0)
+    assert "no points" in text
     assert rig.engine.device.core_motion.axisControl.SetServoOn(2, 0) == 0
     wait_for(lambda: not rig.status.servo_on[2], "servo 3 off")
     refused(goal((1.0, THERE)), SERVO_OFF, "joint3: the servo is off")
@@ -379,76 +361,9 @@ def test_velocities_accelerations_and_stamps_are_obeyed(rig: Rig) -> None:
     assert rig.status.actual_pos == pytest.approx(FAR, abs=1e-3)
 
 
-def test_a_goal_on_its_way_gives_way_only_to_one_that_can_be_followed_and_when_it_is_due(rig: Rig) -> None:
-    rig.up("-p", "start.max_velocity_radps:=[2.0,2.0,2.0,2.0,2.0,2.0]")
-    running = rig.send(*LONG)
-    rig.wait_moving()
-    for bad, words in ((goal((0.1, [-1.0] * 6)), "velocity"), (moving(goal((2.0, HOME)), [[0.1] * 6]), "must be 0")):
-        status, code, text = rig.send_message(bad).result()
-        assert (status, code) == (STATUS_ABORTED, Result.INVALID_GOAL)
-        assert words in text
-    later = goal((2.0, HOME))
-    later.trajectory.header.stamp = rig.now(20.0)
-    waiting = rig.send_message(later)
-    assert running.result() == (STATUS_SUCCEEDED, 0, "")
-    assert not waiting.ended
-    waiting.cancel()
-    assert waiting.result()[:2] == (STATUS_CANCELED, 0)
-
-    running = rig.send((8.0, HOME))
-    rig.wait_moving()
-    soon = goal((2.0, FAR))
-    soon.trajectory.header.stamp = rig.now(0.5)
-    newer = rig.send_message(soon)
-    status, code, text = running.result()
-    assert (status, code) == (STATUS_ABORTED, Result.INVALID_GOAL)
-    assert "preempted by a newer goal" in text
-    assert newer.result() == (STATUS_SUCCEEDED, 0, "")
-    assert rig.status.actual_pos == pytest.approx(FAR, abs=1e-3)
-
-
-def test_continuous_joints_turn_the_short_way_and_scaled_speed_takes_longer(rig: Rig) -> None:
-    rig.up("-p", "continuous_joints:=[joint6]", "-p", "speed_scaling.initial_scaling_factor:=0.5")
-    begin_s = rig.status.engine_time_s
-    sent = rig.send((0.5, [*THERE[:5], THERE[5] + 2.0 * math.pi]))
-    assert sent.result() == (STATUS_SUCCEEDED, 0, "")
-    assert rig.status.engine_time_s - begin_s >= 0.95
-    assert rig.status.actual_pos == pytest.approx(THERE, abs=1e-3)
-    assert seconds(sent.feedback[-1].desired.time_from_start) <= 0.6
-
-
-def test_faults_in_motion_abort_and_the_server_recovers(rig: Rig) -> None:
+def test_an_engine_that_hangs_or_dies_in_motion_aborts_and_the_server_recovers(rig: Rig) -> None:
     rig.up()
-    sent = rig.send(*LONG)
-    rig.wait_moving()
-    rig.engine.set(alarms={"3": 0x7500})
-    status, code, text = sent.result()
-    assert (status, code) == (STATUS_ABORTED, ALARM)
-    assert "joint4: amplifier alarm 0x7500" in text
-    wait_for(lambda: rig.standing, "the other joints to stand")
-    rig.engine.recover()
-
-    sent = rig.send((3.0, FAR))
-    rig.wait_moving()
-    rig.engine.set(connected=False)
-    status, code, text = sent.result()
-    assert (status, code) == (STATUS_ABORTED, NO_COMMUNICATION)
-    assert "communication" in text
-    assert rig.set_gripper(True) == (False, "Failed to close gripper")
-    rig.engine.set(connected=True)
-    rig.engine.recover()
-    assert rig.send((0.5, HOME)).result() == (STATUS_SUCCEEDED, 0, "")
-
-    # another client stops the arm: no success
-    sent = rig.send(*LONG)
-    rig.wait_moving()
-    assert rig.engine.device.core_motion.motion.Stop(0) == 0
-    status, code, text = sent.result()
-    assert (status, code) == (STATUS_ABORTED, ErrorCode.NoMotion)
-    assert "stopped by another client" in text
-
     # an engine that hangs: the goal ends in time, and the arm stops as soon as the engine continues
-    assert rig.send((0.5, HOME)).result()[0] == STATUS_SUCCEEDED
     sent = rig.send((3.0, FAR))
     rig.wait_moving()
     assert rig.engine.process is not None

@@ -16,7 +16,7 @@ from std_msgs.msg import Bool
 
 from robot_stack.contract import topics
 from robot_stack.middleware.interfaces import interface_class
-from robot_stack.wmx.api import EngineState, ErrorCode, Motion_PosCommand, Profile
+from robot_stack.wmx.api import ErrorCode, Motion_PosCommand, Profile
 from robot_stack.wmx.axes import Flag, StatusSnapshot
 from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE
 from tests.support.engine import TestEngine
@@ -176,47 +176,6 @@ def test_a_killed_engine_is_silence_and_its_successor_a_new_start(
     successor.close()
 
 
-def test_a_lost_bus_is_silence_and_its_return_leaves_the_servos_off(
-    start: Start, peer: Peer, engine: TestEngine
-) -> None:
-    engine.run()
-    node = Manipulator(start, peer)
-    node.wait_up()
-    engine.set(connected=False)
-    node.wait_health("communication with the drives is lost")
-    node.wait_silent()
-    assert "communication with the drives is lost" in node.process.output()
-    engine.set(connected=True)
-    node.wait_news()
-    node.wait_health("servo off: joint1")
-    assert not status(engine).servo_on.any()
-    engine.servos(1)
-    node.wait_health("")
-
-
-def test_bus_stopped_by_other_device_is_not_restarted(start: Start, peer: Peer, engine: TestEngine) -> None:
-    engine.run()
-    node = Manipulator(start, peer)
-    node.wait_up()
-    assert engine.device.api.StopCommunication(5000) == 0
-    node.wait_health("was stopped by another device")
-    node.wait_silent()
-    assert status(engine).engine_state is EngineState.Running
-    assert engine.device.api.StartCommunication(60000) == 0
-    node.wait_news()
-
-
-def test_alarm_is_reported_and_not_cleared(start: Start, peer: Peer, engine: TestEngine) -> None:
-    engine.run()
-    node = Manipulator(start, peer)
-    node.wait_up()
-    engine.set(alarms={"3": 33})
-    node.wait_health("joint4 alarm 33")
-    node.wait_news()
-    engine.recover()
-    node.wait_health("")
-
-
 def test_no_servo_comes_on_during_an_emergency_stop(start: Start, peer: Peer, engine: TestEngine) -> None:
     node = Manipulator(start, peer)
     peer.wait_matched(topics.EMERGENCY_STOP)
@@ -225,18 +184,6 @@ def test_no_servo_comes_on_during_an_emergency_stop(start: Start, peer: Peer, en
     engine.run()
     node.wait_health("emergency stop")
     node.wait_news()
-    assert not status(engine).servo_on.any()
-
-
-def test_parameters_that_cannot_be_set_keep_servos_and_joint_states_off(
-    start: Start, peer: Peer, engine: TestEngine, tmp_path: Path
-) -> None:
-    engine.run()
-    path = tmp_path / "missing.xml"
-    node = Manipulator(start, peer, "-p", f"wmx_param_file_path:={path}")
-    node.wait_health(f"parameter file {path}: FileOperationFailed")
-    assert "FileOperationFailed" in node.process.output()
-    assert node.joints.items == []
     assert not status(engine).servo_on.any()
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import yaml
 from std_msgs.msg import Bool
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 
 from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import services, topics
@@ -25,7 +25,7 @@ from tests.support.engine import TestEngine
 from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
 from wmx_ros2_message.msg import AxisPose, AxisState, AxisVelocity
-from wmx_ros2_message.srv import SetAxis, SetAxisGearRatio, SetEngine
+from wmx_ros2_message.srv import SetAxis, SetEngine
 
 if TYPE_CHECKING:
     from tests.support.peer import Heard, Peer
@@ -221,100 +221,6 @@ def test_the_examples_of_the_documents_in_their_order(bench: Bench) -> None:
 # --- services -----------------------------------------------------------------------------------------------------
 
 
-def test_failures_of_every_service(bench: Bench) -> None:
-    """Each row fails in its documented form; an invalid request changes no axis."""
-    bench.engine.run()
-    bench.start_node()
-    wait_for(lambda: bench.call(services.ENGINE_GET_STATUS) == (True, "Running"), "a device")
-    no_bus = "Error=1537 (communication is not started); "
-    assert bench.set_axis(services.AXIS_SET_ON, [0], [1]) == (False, f"Failed to set axis 0 on. {no_bus}")
-    assert bench.set_axis(services.AXIS_CLEAR_ALARM, [0]) == (False, f"Failed to clear alarm axis 0. {no_bus}")
-    assert bench.set_axis(services.AXIS_HOMING, [0]) == (False, f"Failed to homing axis 0. {no_bus}")
-    assert bench.set_axis(services.AXIS_STOP, [0]) == (False, f"Failed to stop axis 0. {no_bus}")
-
-    bench.engine.up()
-    absent = "Error=1547 (the axis number is out of range)"
-    both: dict[Service, tuple[list[int], str]] = {
-        services.AXIS_SET_ON: ([1, 1, 1], "Set axis 0 on; Failed to set axis 4 on. E; Failed to set axis -1 on. E; "),
-        services.AXIS_CLEAR_ALARM: (
-            [],
-            "Cleared alarm axis 0; Failed to clear alarm axis 4. E; Failed to clear alarm axis -1. E; ",
-        ),
-        services.AXIS_SET_MODE: (
-            [0, 0, 0],
-            "Set axis 0 in Position mode; Failed to set axis 4 mode 0. E; Failed to set axis -1 mode 0. E; ",
-        ),
-        services.AXIS_SET_POLARITY: (
-            [1, 1, 1],
-            "Set polarity on axis 0; Failed to set polarity on axis 4. E; Failed to set polarity on axis -1. E; ",
-        ),
-        services.AXIS_HOMING: ([], "Homing axis 0; Failed to homing axis 4. E; Failed to homing axis -1. E; "),
-        services.AXIS_STOP: ([], "Stopped axis 0; Failed to stop axis 4. E; Failed to stop axis -1. E; "),
-    }
-    for row, (data, text) in both.items():
-        assert bench.set_axis(row, [0, 4, -1], data) == (False, text.replace("E;", f"{absent};")), row.name
-
-    invalid = {
-        services.AXIS_SET_ON: ([1, 2], "Set axis 0 on; Invalid servo value for axis 1: 2; "),
-        services.AXIS_SET_MODE: ([0, 7], "Set axis 0 in Position mode; Invalid mode 7 for axis 1; "),
-        services.AXIS_SET_POLARITY: ([1, 0], "Set polarity on axis 0; Invalid polarity value for axis 1: 0; "),
-    }
-    for row, (data, text) in invalid.items():
-        assert bench.set_axis(row, [0, 1], data) == (False, text)
-        assert bench.set_axis(row, [0, 1], data[:1]) == (
-            False,
-            "data has 1 entry, index has 2 entries: they must be equally long",
-        )
-        assert bench.set_axis(row, [1, 1], data) == (False, "index names axis 1 twice: index[0] and index[1]")
-
-    def gear(index: list[int], numerator: list[float], denominator: list[float]) -> tuple[bool, str]:
-        request = SetAxisGearRatio.Request(index=index, numerator=numerator, denominator=denominator)
-        return bench.call(services.AXIS_SET_GEAR_RATIO, request)
-
-    assert gear([0], [], [1.0]) == (False, "numerator has 0 entries, index has 1 entry: they must be equally long")
-    assert gear([0], [1.0], [NAN]) == (False, "denominator[0] is nan: it must be finite")
-    done, text = gear([0, 1], [0.0, 16384.0], [1.0, 6.283185307179586])
-    assert not done
-    assert text.startswith("Failed to set gear ratio on axis 0. Error=")
-    assert text.endswith("); Set gear ratio on axis 1; ")
-
-    bench.turn([2], 2.0)
-    moving = "Error=1546 (the axis is not idle); "
-    assert bench.set_axis(services.AXIS_SET_MODE, [2], [0]) == (False, f"Failed to set axis 2 mode 0. {moving}")
-    assert bench.set_axis(services.AXIS_SET_POLARITY, [2], [-1]) == (
-        False,
-        f"Failed to set polarity on axis 2. {moving}",
-    )
-    assert bench.set_axis(services.AXIS_HOMING, [2]) == (False, f"Failed to homing axis 2. {moving}")
-    assert bench.set_axis(services.AXIS_STOP, [2]) == (True, "Stopped axis 2; ")
-    assert at_rest(2)(bench.status())
-
-    bench.turn([2], 2.0)
-    assert bench.call(services.ENGINE_ESTOP, SetBool.Request(data=True)) == (True, "Emergency stop is executed")
-    stopped = "Error=65632 (an emergency stop is active); "
-    bench.wait_status(at_rest(2), "standstill")
-    assert bench.set_axis(services.AXIS_HOMING, [0]) == (False, f"Failed to homing axis 0. {stopped}")
-    assert bench.call(services.ENGINE_ESTOP, SetBool.Request(data=False)) == (True, "Emergency stop is released")
-
-    bench.engine.set(alarms={"3": 42})
-    bench.wait_status(lambda now: now.amp_alarm[3], "alarm")
-    alarm = "Error=1568 (the axis has an alarm); "
-    assert bench.set_axis(services.AXIS_SET_ON, [3], [1]) == (False, f"Failed to set axis 3 on. {alarm}")
-    assert bench.set_axis(services.AXIS_CLEAR_ALARM, [3]) == (False, f"Failed to clear alarm axis 3. {alarm}")
-
-    assert bench.call(services.ENGINE_SET_COMM, SetBool.Request(data=False)) == (True, "Communication is stopped")
-    bench.engine.set(connected=False)
-    assert bench.call(services.ENGINE_SET_DEVICE, SetEngine.Request(data=False)) == (True, "Device stopped")
-    null = f"Failed to close device. {NULL}"
-    assert bench.call(services.ENGINE_SET_DEVICE, SetEngine.Request(data=False)) == (False, null)
-    nowhere = SetEngine.Request(data=True, path="/nowhere", name="x")
-    absent = "Failed to create device. Error=263 (no engine is running there)"
-    assert bench.call(services.ENGINE_SET_DEVICE, nowhere) == (False, absent)
-    null = f"Failed to stop communication. {NULL}"
-    assert bench.call(services.ENGINE_SET_COMM, SetBool.Request(data=False)) == (False, null)
-    assert bench.call(services.ENGINE_GET_STATUS, Trigger.Request()) == (True, "Unknown")
-
-
 # --- commands -----------------------------------------------------------------------------------------------------
 
 
@@ -324,78 +230,6 @@ def pose(**changes: Any) -> AxisPose:
 
 def spin(**changes: Any) -> AxisVelocity:
     return AxisVelocity(**{"index": [3], "velocity": [5.0], "acc": [10.0], "dec": [10.0], **changes})
-
-
-BAD_ANY = [
-    ({"index": []}, "index is empty"),
-    ({"acc": []}, "acc has 0 entries, index has 1 entry"),
-    ({"dec": [1.0, 2.0]}, "dec has 2 entries, index has 1 entry"),
-    ({"velocity": [NAN]}, "velocity[0] is nan: it must be finite"),
-    ({"acc": [INF]}, "acc[0] is inf: it must be finite"),
-    ({"acc": [0.0]}, "acc[0] is 0: it must be above 0"),
-    ({"dec": [-1.0]}, "dec[0] is -1: it must be above 0"),
-    ({"velocity": [1e30]}, "the engine refuses it: Error=65581"),
-]
-BAD_POSES = [
-    ({"target": []}, "target has 0 entries, index has 1 entry"),
-    ({"target": [-INF]}, "target[0] is -inf: it must be finite"),
-    ({"velocity": [-5.0]}, "velocity[0] is -5: it must be above 0"),
-    ({"target": [1e300]}, "the engine refuses it: Error=65580"),
-]
-
-
-def both(*values: Any) -> dict[str, Any]:
-    """Fields for axis 0 and another axis, which makes the message invalid."""
-    return {"index": [0, values[0]], "velocity": [1.0] * 2, "acc": [1.0] * 2, "dec": [1.0] * 2}
-
-
-def test_commands_good_and_bad(bench: Bench) -> None:
-    bench.up()
-    assert bench.set_axis(services.AXIS_SET_MODE, [3], [1])[0]
-    assert bench.set_axis(services.AXIS_SET_ON, [2], [0])[0]
-
-    def refused(row: Topic, message: Any, text: str) -> None:
-        bench.peer.publish(row, message)
-        bench.wait_refused(f"{row.name} refused: {text}")
-
-    for changes, text in BAD_ANY:
-        refused(topics.WMX_AXIS_VELOCITY, spin(**changes), text)
-    for changes, text in BAD_ANY + BAD_POSES:
-        refused(topics.WMX_AXIS_POSITION, pose(**changes), text)
-        refused(topics.WMX_AXIS_POSITION_RELATIVE, pose(**changes), text)
-    for row in (topics.WMX_AXIS_POSITION, topics.WMX_AXIS_POSITION_RELATIVE):
-        for other, text in (
-            (0, "index names axis 0 twice"),
-            (4, "index[1] is 4: the engine has axes 0 to 3"),
-            (-1, "index[1] is -1"),
-            (128, "index[1] is 128"),
-            (2, "axis 2 has its servo off"),
-            (3, "axis 3 is not in position mode"),
-        ):
-            refused(row, pose(**both(other), target=[9.0, 9.0]), text)
-    refused(topics.WMX_AXIS_VELOCITY, spin(**both(3)), "axis 0 is not in velocity mode")
-    assert bench.call(services.ENGINE_ESTOP, SetBool.Request(data=True))[0]
-    refused(topics.WMX_AXIS_VELOCITY, spin(), "the engine's emergency stop is active")
-    assert bench.call(services.ENGINE_ESTOP, SetBool.Request(data=False))[0]
-    now = bench.status()
-    assert not now.op_state.any()
-    assert not now.pos_cmd.any()
-
-    for _ in range(2):
-        bench.peer.publish(topics.WMX_AXIS_POSITION, pose(profile="sine", target=[0.1]))
-        bench.wait_status(lambda now: now.pos_cmd[0] == 0.1, "target")
-        bench.peer.publish(topics.WMX_AXIS_POSITION, pose(profile="Trapezoidal", target=[0.0]))
-        bench.wait_status(lambda now: now.pos_cmd[0] == 0.0, "start")
-    assert bench.node.output().count("profile is 'sine'") == 1
-
-    # relative, over a running motion
-    bench.peer.publish(topics.WMX_AXIS_POSITION, pose(index=[0, 1], target=[50.0] * 2, velocity=[2.0] * 2, **_pair()))
-    begun = bench.wait_status(lambda now: now.pos_cmd[0] > 0.5, "motion")
-    message = pose(index=[0, 1], target=[1.0, -0.5], velocity=[20.0] * 2, **_pair())
-    bench.peer.publish(topics.WMX_AXIS_POSITION_RELATIVE, message)
-    ended = bench.wait_status(at_rest(0, 1), "the end")
-    assert begun.pos_cmd[0] + 1.0 <= ended.pos_cmd[0] < 50.0  # the engine's own target would be 51
-    assert ended.pos_cmd[0] - ended.pos_cmd[1] == pytest.approx(1.5, abs=1e-9)  # both from the same instant
 
 
 def _pair() -> dict[str, Any]:
