@@ -151,16 +151,6 @@ def test_terminated_teaching_prints_map_build_command(teaching, messages):
     assert load_map(str(teaching.maps / "room")).about["begins_at"]["x_m"] == site.START.x
 
 
-def test_a_command_that_was_killed_leaves_its_recording(teaching, messages):
-    teaching.drive(messages[: len(messages) // 2])
-    wait_for(lambda: teaching.sweeps() >= site.params().sweeps.fewest, "the map grows")
-    teaching.node.signal(signal.SIGKILL)
-    teaching.node.wait()
-    built = run("build", str(teaching.recording), "--name", "room", "--output", str(teaching.maps))
-    assert built.returncode == 0, built.stderr
-    assert load_map(str(teaching.maps / "room")).about["ride"]["sweeps"] >= site.params().sweeps.fewest
-
-
 # --- errors are reported before the ride ------------------------------------------------------------------------------
 
 
@@ -193,7 +183,7 @@ def test_a_full_disk(ros_domain, own_config, tmp_path):
 
 def test_no_points(own_config, peer, tmp_path):
     change(
-        own_config / "mapping.yaml", {"teach": {**read(own_config / "mapping.yaml")["teach"], "points_within_s": 6.0}}
+        own_config / "mapping.yaml", {"teach": {**read(own_config / "mapping.yaml")["teach"], "points_within_s": 2.0}}
     )
     peer.repeat(topics.ODOM, Odometry, 20.0)
     told = refusal("--name", "room", "--output", str(tmp_path), "--recording", str(tmp_path / "ride"))

@@ -210,8 +210,6 @@ def test_start_pose_and_chair_are_parameters(start: Callable[..., NodeProcess], 
     ("setting", "message"),
     [
         ("world:=moon", "no world 'moon'"),
-        ("speed:=0.0", "speed: Input should be greater than 0"),
-        ("seed:=-1", "seed"),
         ("wheelchair_x_m:=1.0", "are given together or not at all"),
         ("wrold:=flat", "wrold: is not a known parameter"),
     ],
