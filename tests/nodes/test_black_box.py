@@ -82,27 +82,6 @@ def numbers(event: EventRecord) -> list[int]:
         ]
 
 
-def test_a_fault_is_kept_with_its_past_and_future(scene: Scene) -> None:
-    node = scene.launch()
-    scene.wait_sent(20)
-    scene.faults, raised = ["CONTACT"], scene.sent + 1
-    event = scene.wait_event()
-    assert event.reasons == ("CONTACT",)
-    assert "black_box" in [item.name for item in event.nodes]
-    seen = numbers(event)
-    assert seen[0] <= raised - 10
-    assert seen[-1] >= raised + 9
-    node.signal(signal.SIGINT)
-    assert node.wait() == 0
-
-
-def test_a_silent_safety_monitor_is_an_event(scene: Scene) -> None:
-    scene.launch("silence_s:=1.0")
-    scene.wait_sent(5)
-    scene.peer.silence(topics.SAFETY_STATUS)
-    assert scene.wait_event().reasons == ("SAFETY_SILENT",)
-
-
 def test_a_killed_black_box_leaves_an_event_of_before_and_after(scene: Scene) -> None:
     node = scene.launch()
     scene.wait_sent(20)

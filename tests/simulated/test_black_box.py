@@ -78,14 +78,6 @@ def test_a_contact_is_kept_with_its_past_and_future() -> None:
         assert event.map is None, "this world has no map"
 
 
-def test_a_killed_process_is_an_event() -> None:
-    with recorded() as stage:
-        stage.kill("navigation_controller")
-        stage.wait_restarted("navigation_controller")
-        event = kept_event(stage)
-        assert {"NODE_DEAD", "NODE_RESTARTED"} & set(event.reasons)
-
-
 def test_a_killed_safety_monitor_is_an_event() -> None:
     with recorded() as stage:
         stage.hang("safety_monitor", 5.0)
@@ -93,18 +85,6 @@ def test_a_killed_safety_monitor_is_an_event() -> None:
         (event,) = events()
         assert event.reasons[0] in ("SAFETY_SILENT", "EMERGENCY_STOP")
         assert event.state is EventState.OPEN
-
-
-def test_a_killed_black_box_keeps_what_it_has_written_and_goes_on() -> None:
-    with recorded() as stage:
-        stage.run(10.0)
-        stage.kill("black_box")
-        stage.wait_restarted("black_box")
-        event = kept_event(stage)
-        assert "INTERRUPTED" in event.reasons
-        times = times_s(event, "/safety/status")
-        assert times[0] < event.triggers[0].ros_s - 8.0
-        assert times[-1] > event.triggers[0].ros_s + 9.0
 
 
 def test_a_mission_leaves_a_record() -> None:
