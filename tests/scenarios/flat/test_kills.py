@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.timeout(900)
 
 
-# Not the controller: until it is nearly back, this world waits for its odometry.
-@pytest.mark.parametrize("name", ["swerve_hardware_interface", "safety_monitor", "ndt_localization"])
+# The other critical processes: tests/simulated/test_kills.py.
+@pytest.mark.parametrize("name", ["swerve_hardware_interface", "safety_monitor"])
 def test_a_critical_process_is_killed_and_the_robot_stands(stack: StackUnderTest, name: str) -> None:
     stack.drive_at(0.6)
     pid = stack.kill(name)
