@@ -5,6 +5,8 @@ Through the simulated LiDAR, perception and the safety monitor's kernel.
 
 from __future__ import annotations
 
+import copy
+import functools
 import math
 
 import numpy as np
@@ -38,11 +40,11 @@ def verdict(yard: Yard, requested: Twist2) -> Verdict:
 
 
 def walked_up(side: str, who: Post, gap_m: float = 0.05) -> tuple[Yard, Twist2]:
-    """An object comes from 3 m away and stops ``gap_m`` beside the robot. Also returns the motion towards it."""
+    """An object comes from 2.5 m away and stops ``gap_m`` beside the robot. Also returns the motion towards it."""
     x, y, edge_m = FOOTPRINT[side]
     yard = Yard(who=who).run(0.5)
     stands_m = edge_m + gap_m + who.radius_m
-    yard.at["who"] = (3.5 * x, 3.5 * y)
+    yard.at["who"] = (2.5 * x, 2.5 * y)
     yard.walk("who", (stands_m * x, stands_m * y))
     return yard, Twist2(1.5 * x, 1.5 * y, 0.0)
 
@@ -236,7 +238,7 @@ def test_without_overhead_lidar_the_path_ahead_is_unseen_and_the_path_behind_is_
 @pytest.mark.parametrize("from_y_m", [-2.5, 2.5])
 def test_pedestrian_in_front_of_the_passenger_slows_the_robot(from_y_m: float) -> None:
     """The passenger hides a child of 0.62 m there from both sensors: it was seen entering."""
-    yard = Yard(chair=True, who=CHILD).run(6.5, Twist2(0.3, 0.0, 0.0)).run(1.0)
+    yard = copy.deepcopy(_driven(6.5, 0.3, 1.0)).put(who=CHILD)
     who = yard.pose.compose(Pose2(1.60, from_y_m, 0.0))
     to = yard.pose.compose(Pose2(1.60, 0.0, 0.0))
     assert verdict(yard, Twist2(1.0, 0.0, 0.0)).limit.linear_mps == 1.0
@@ -288,9 +290,15 @@ def test_start_is_slow_until_the_path_is_seen() -> None:
 START, TURN = Twist2(0.3, 0.0, 0.0), Twist2(0.0, 0.0, 0.3)
 
 
+@functools.cache
+def _driven(seconds: float, speed_mps: float, then_s: float) -> Yard:
+    """The robot has driven up with the chair and stands. Copied by those who go on from it."""
+    return Yard(chair=True).run(seconds, Twist2(speed_mps, 0.0, 0.0)).run(then_s)
+
+
 def stopped_on_known_ground(**things: Block | Post) -> Yard:
     """The robot has driven up with the chair and stands, so that it may start in any direction."""
-    yard = Yard(chair=True, **things).run(6.0, Twist2(0.5, 0.0, 0.0)).run(0.5)
+    yard = copy.deepcopy(_driven(6.0, 0.5, 0.5)).put(**things)
     for twist in (START, TURN):
         assert verdict(yard, twist).faults == ()
         assert verdict(yard, twist).limit.linear_mps > 0.2
@@ -331,7 +339,7 @@ def test_a_person_who_stops_slowly_before_the_passenger_and_leaves_is_not_rememb
 
 def driven_up(**things: Block | Post) -> Yard:
     """The robot has driven up with the chair, faster than in ``stopped_on_known_ground``, and stands."""
-    return Yard(chair=True, **things).run(3.0, Twist2(0.8, 0.0, 0.0)).run(1.2)
+    return copy.deepcopy(_driven(3.0, 0.8, 1.2)).put(**things)
 
 
 @pytest.mark.parametrize(

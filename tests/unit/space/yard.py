@@ -85,18 +85,30 @@ class Yard:
     def __init__(
         self, chair: bool = False, mixed: float = 0.0, overhead: bool = True, columns: int = 800, **things: Thing
     ) -> None:
-        self.at: dict[str, tuple[float, float] | None] = dict.fromkeys(things)
         self.pose, self.twist, self.now_s = IDENTITY, ZERO_TWIST, 100.0
         self.chair = chair
         self.dirt_deg: tuple[float, float] | None = None  # bearings whose beams are blocked at the lens
         self._half = 0
-        self._lidar = _lidar(things, mixed, columns)
-        self._overhead = _overhead_lidar(things, mixed) if overhead else None
+        self._mixed, self._columns, self._has_overhead = mixed, columns, overhead
+        self._lidar: Lidar | None = None
+        self._overhead: Lidar | None = None
+        self.put(**things)
         self.pipeline = Pipeline(ROBOT, PARAMS)
         self.pipeline.chair = chair
         self.watch = Watch(PARAMS.watch, ROBOT.lidar_xyz_m[2])
         self.problem = ""
         self.scene: Scene | None = None
+
+    def put(self, **things: Thing) -> Yard:
+        """Replaces the objects, absent until ``at`` says where they are. The noise goes on as with the former ones."""
+        before = self._lidar, self._overhead
+        self.at: dict[str, tuple[float, float] | None] = dict.fromkeys(things)
+        self._lidar = _lidar(things, self._mixed, self._columns)
+        self._overhead = _overhead_lidar(things, self._mixed) if self._has_overhead else None
+        for old, new in zip(before, (self._lidar, self._overhead), strict=True):
+            if old is not None and new is not None:
+                new._random = old._random
+        return self
 
     def step(self) -> Scene:
         """Runs one half sweep."""
@@ -114,6 +126,7 @@ class Yard:
         self._half = 1 - self._half
         if self._overhead is not None and self._half:
             self.pipeline.overhead(self._overhead.sweep(base, self.now_s, movers).points, self.now_s)
+        assert self._lidar is not None
         points = self._lidar.half_sweep(base, self.now_s, self._half, movers).points
         if self.dirt_deg is not None:
             bearing = np.degrees(np.arctan2(points["y"], points["x"]))
