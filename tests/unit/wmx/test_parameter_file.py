@@ -22,9 +22,6 @@ from robot_stack.wmx.api import (
     Config_LimitSwitchType,
     CoreMotionErrorCode,
     ErrorCode,
-    Motion_PosCommand,
-    OperationState,
-    Profile,
 )
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.config import EngineConfig
@@ -177,14 +174,6 @@ class TestText:
 
 
 class TestFile:
-    def test_round_trip(self, fresh: Engine, tmp_path: Path) -> None:
-        first, second = tmp_path / "first.xml", tmp_path / "second.xml"
-        write_file(str(first), values(fresh))
-        assert apply(fresh, read_file(str(first), N_AXES)) == 0
-        write_file(str(second), values(fresh))
-        assert first.read_bytes() == second.read_bytes()
-        assert [path.name for path in sorted(tmp_path.iterdir())] == ["first.xml", "second.xml"]
-
     def test_a_folder_that_is_missing(self, tmp_path: Path) -> None:
         with pytest.raises(OSError, match="missing"):
             write_file(str(tmp_path / "missing" / "p.xml"), ParameterValues(list(GLOBAL_ENTRIES.values()), []))
@@ -292,12 +281,6 @@ class TestSet:
         assert apply(fresh, wanted) == INVALID
         assert apply(fresh, ParameterValues(wanted.of_engine, wanted.of_axes[:2])) == ErrorCode.AxisCountOutOfRange
         assert apply(fresh, ParameterValues(wanted.of_engine[:3], values(fresh).of_axes)) == INVALID
-
-    def test_not_while_an_axis_moves(self, fresh: Engine) -> None:
-        command = Motion_PosCommand(POS, 100.0, Profile.SetupTrapezoidal(1.0, 1.0, 1.0))
-        assert fresh.motion.start_position(0, [command], relative=False) == 0
-        assert fresh.arrays.flags[Flag.OP_STATE, POS] == OperationState.Pos
-        assert apply(fresh, values(fresh)) == ErrorCode.NotIdleState
 
     def test_changed_gear_ratio_rescales_positions_and_clears_homing(self, fresh: Engine) -> None:
         fresh.set_position(POS, Real.POS_CMD, 8.0)
