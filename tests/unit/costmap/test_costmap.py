@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from pydantic import ValidationError
 
 from robot_stack.core.config import load
 from robot_stack.core.robot import load_robot
@@ -74,9 +73,3 @@ def test_invalid_space_grid_is_reported(resolution_m: float, size: tuple[int, in
     found = space_problem(Space(state, resolution_m), size)
     assert found.startswith(problem)
     assert bool(found) == bool(problem)
-
-
-@pytest.mark.parametrize(("field", "value"), [("beyond_m", math.nan), ("scaling_per_m", 0.0), ("beyond_m", None)])
-def test_bad_parameters_are_refused_by_name(field: str, value: object) -> None:
-    with pytest.raises(ValidationError, match=field):
-        CostmapParams.model_validate({"inflation": {**PARAMS.inflation.model_dump(), field: value}})

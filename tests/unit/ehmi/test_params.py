@@ -25,15 +25,6 @@ def test_a_host_that_repeats_is_not_silent_for_the_firmware():
     assert display.firmware.latency_s + display.firmware.latency_jitter_s < link.acknowledge_s
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("port", ""), ("baud_rate", 115), ("language", "de"), ("volume", 11), ("tick_rate_hz", 0.0), ("unknown", 1)],
-)
-def test_wrong_values_are_refused(name, value):
-    with pytest.raises(ConfigError, match=name):
-        load(EhmiParams, "ehmi_bridge", {name: value})
-
-
 @pytest.mark.parametrize(("name", "value"), [("tries", 0), ("acknowledge_s", 0.0), ("repeat_s", -1.0)])
 def test_wrong_times_are_refused(name, value):
     link = read_yaml(config_dir() / "ehmi_bridge.yaml")["link"]
