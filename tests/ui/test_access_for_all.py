@@ -22,6 +22,12 @@ RULES = """async () => {
     const places = (item) => item.nodes.map(node => node.html).slice(0, 3).join(" | ");
     return found.violations.map(item => `${item.id}: ${places(item)}`);
 }"""
+# Of these rules the ones that depend on the layout; texts, names, roles and colours do not.
+LAYOUT = """async () => {
+    const rules = ["target-size", "scrollable-region-focusable"];
+    const found = await axe.run(document, { runOnly: { type: "rule", values: rules } });
+    return found.violations.map(item => item.id);
+}"""
 # Targets are at least 48 px, and no text lies beside its button.
 TARGETS = """() => [...document.querySelectorAll("button, input")].filter(item => item.offsetParent).flatMap(item => {
     const { width, height } = item.getBoundingClientRect();
@@ -41,13 +47,17 @@ STOP = """() => {
 SIZES = ((1280, 800), (1024, 600), (800, 1280))
 
 
-def check(page: Any, where: str, sizes: Sequence[tuple[int, int]]) -> None:
-    """axe-core in the first size, to which the page returns; minimum sizes and clipped text in each."""
+def check(page: Any, where: str, sizes: Sequence[tuple[int, int]] = ()) -> None:
+    """All of axe-core in the first size, to which the page returns; what depends on the layout in each.
+
+    sizes: without any, the page stays as it is.
+    """
     page.mouse.move(0, 0)
     assert page.evaluate(RULES) == [], where
-    for width, height in (*sizes[1:], sizes[0]):
+    for width, height in (*sizes[1:], *(sizes[:1] or [page.viewport_size.values()])):
         page.set_viewport_size({"width": width, "height": height})
         page.evaluate("() => new Promise(requestAnimationFrame)")
+        assert page.evaluate(LAYOUT) == [], f"{where} {width}x{height}"
         assert page.evaluate(TARGETS) == [], f"{where} {width}x{height}"
         assert page.evaluate(STOP), f"{where} {width}x{height}"
 
