@@ -211,14 +211,6 @@ def test_invalid_answers_lose_the_link_until_they_are_valid(world, kind, value):
     world.status_is(True, Display.NAVIGATING)
 
 
-def test_garbage_and_a_noisy_cable_lose_no_state(world):
-    world.inject("garbage")
-    world.inject("noise", value=0.02)
-    for state in (Display.OBSTACLE, Display.PAUSED, Display.TRANSPORT, Display.DOCKING, Display.IDLE):
-        world.ask(state)
-        world.shows(state)
-
-
 def test_fault_of_the_display_is_reported_and_cleared(world):
     world.inject("fault_code", target="LED_DRIVER")
     world.status_is(True, None, "LED_DRIVER")
@@ -231,18 +223,6 @@ def test_unknown_faults_are_refused(world):
         answer = world.bench.call(services.INJECT_EHMI_FAULT, InjectFault.Request(kind=kind, target=target))
         assert not answer.success
         assert answer.message
-
-
-def test_late_and_restarted_display_is_connected(empty):
-    empty.launch_bridge()
-    empty.ask(Display.CHARGING)
-    empty.status_is(False)
-    empty.launch_display().shows(Display.CHARGING)
-    empty.status_is(True, Display.CHARGING)
-    assert empty.bench.stop(empty.display) == 0
-    empty.status_is(False, Display.CHARGING)
-    empty.bench.start_again(empty.display)
-    empty.status_is(True, Display.CHARGING)
 
 
 def test_a_bridge_that_ends_leaves_the_display_dark(world):

@@ -307,32 +307,6 @@ def test_a_latched_stop_survives_the_loss_of_the_runtime_folder(scene: Scene) ->
     scene.release()
 
 
-def test_a_latch_that_cannot_be_written_slows_the_robot(scene: Scene) -> None:
-    scene.normal()
-    folder = state_dir() / LATCH_FOLDER
-    folder.rename(folder.with_name("away"))
-    folder.write_text("in the way")
-    scene.source.publish(True)
-    scene.wait_state("EMERGENCY_STOP", "ESTOP_PRESSED", "LATCH_NOT_STORED")
-    folder.unlink()
-    scene.status.wait(lambda message: "LATCH_NOT_STORED" not in message.active_faults, "written")
-
-
-def test_a_press_without_a_report_is_cleared_by_name(scene: Scene) -> None:
-    scene.normal()
-    scene.bench.publish(topics.EMERGENCY_STOP, Bool(data=True))
-    scene.wait_state("EMERGENCY_STOP", "ESTOP_PRESSED")
-    scene.source.publish(False)  # from another source
-    scene.bench.run(2.4)
-    assert "pressed by unknown" not in scene.reset().message  # a report may still arrive
-    scene.bench.run(0.2)
-    assert "pressed by unknown" in scene.reset().message
-    refused = scene.clear("peer")
-    assert (refused.success, refused.message) == (False, "refused: 'peer' is not pressed; pressed: unknown")
-    assert scene.clear("unknown").success
-    scene.release()
-
-
 def test_false_of_another_source_and_a_silent_source_do_not_release(scene: Scene) -> None:
     scene.normal()
     panel = scene.bench.source("panel")

@@ -379,23 +379,3 @@ def test_end_stops_the_wheels_and_closes_the_brakes(rig: Rig) -> None:
     assert rig.bench.stop(rig.node) == 0
     assert not rig.status().velocity_cmd.any()
     rig.wait_servos(on=False)
-
-
-@pytest.mark.parametrize("how", ["killed", "hung"])
-def test_way_of_the_wheels_without_their_interface(rig: Rig, how: str) -> None:
-    """The engine brakes from 1.0 m/s by itself, after the last command's remaining time.
-
-    The engine holds the headings.
-    """
-    rig.ready().drive(1.0)
-    begun = rig.status()
-    if how == "killed":
-        rig.node.kill()
-    else:
-        rig.node.hang(5.0)
-    rig.wait_speed(0.0)
-    ended = rig.status()
-    distances_m = (ended.actual_pos - begun.actual_pos)[list(DRIVE_AXES)] * RADIUS_M
-    assert distances_m.max() < 0.5 * 1.0**2 / load_robot().emergency_deceleration_mps2 + 0.25 * 1.0
-    assert abs(headings_rad(ended) - headings_rad(begun)).max() < 1e-3
-    assert ended.servo_on.all()
