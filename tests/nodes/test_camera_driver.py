@@ -113,9 +113,3 @@ def test_camera_driver_reports_awaited_topic(start: Callable[..., NodeProcess], 
     process.wait_output("waiting for /sim/bodies", 60.0)
     process.stop()
     assert "Traceback" not in process.output()
-
-
-def test_an_unknown_world_is_one_clear_line(start: Callable[..., NodeProcess]) -> None:
-    process = start("camera_driver", "-p", "world:=moon")
-    assert process.wait(60.0) == 2
-    assert "no world 'moon'" in process.output()

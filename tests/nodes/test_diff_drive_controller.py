@@ -402,9 +402,3 @@ def test_profile_with_the_general_node_that_clears_alarms(ros_domain: int, peer:
         speeds.wait(lambda m: m.data[0] == pytest.approx(turning, abs=0.1), "wheels turning again")
     finally:
         client.stop()
-
-
-def test_wrong_parameter_stops_the_start(start: Callable[..., NodeProcess]) -> None:
-    node = start("diff_drive_controller", "-p", "right_axis:=0", "-p", "rate:=0")
-    assert node.wait() == 2
-    assert "rate" in node.output()

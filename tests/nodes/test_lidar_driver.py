@@ -124,9 +124,3 @@ def test_faults_change_the_points_and_are_answered(sweeps: Heard, peer: Peer) ->
     refused = inject(peer, "glare")
     assert not refused.success
     assert "no fault 'glare'" in refused.message
-
-
-def test_an_unknown_world_is_one_clear_line(start: Callable[..., NodeProcess]) -> None:
-    process = start("lidar_driver", "-p", "world:=moon")
-    assert process.wait(60.0) == 2
-    assert "no world 'moon'" in process.output()

@@ -200,20 +200,3 @@ def test_the_end_takes_back_what_the_start_took(start: Start, peer: Peer, engine
     assert status(engine).flags[Flag.END_REASON, 0] == ErrorCode.PyNone  # stopped, and not by switching its servo off
     assert not status(engine).servo_on.any()
     assert status(engine).communicating  # other processes have devices
-
-
-@pytest.mark.parametrize(
-    ("override", "text"),
-    [
-        ("joint_feedback_rate:=0", "joint_feedback_rate"),
-        ("joint_name:=[joint1, joint2]", "joint_name must have joint_number + 2 = 8 names, has 2"),
-        ("joint_name:=[a, a, b, c, d, e, f, g]", "joint_name: a appears more than once"),
-        ("encoder_joint_topic:='/no good'", "no good"),
-    ],
-)
-def test_wrong_parameters_are_one_line_and_the_end(start: Start, override: str, text: str) -> None:
-    process = start(NAME, "-p", override)
-    assert process.wait() == 2
-    errors = [line for line in process.output().splitlines() if line.startswith("error: ")]
-    assert len(errors) == 1
-    assert text in errors[0]

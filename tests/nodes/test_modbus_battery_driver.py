@@ -131,9 +131,3 @@ def test_a_serial_line_with_noise(start: Callable[..., NodeProcess], peer: Peer,
         assert all(29.0 < message.voltage < 61.0 for message in states.messages)
     finally:
         device.close()
-
-
-def test_a_wrong_parameter_is_one_clear_line(start: Callable[..., NodeProcess]) -> None:
-    process = start(NAME, "-p", "modbus.unit:=256")
-    assert process.wait() == 2
-    assert "unit" in process.output()

@@ -124,9 +124,3 @@ def test_rejected_clouds_are_reported_with_reason_and_counted(start: Callable[..
     says(diagnostics, "point_cloud_adapter", "frame_id is 'base_link', expected 'vendor_frame'")
     driver.changes = {}
     wait_for(lambda: sweeps.items, "a sweep")
-
-
-def test_a_wrong_parameter_is_one_clear_line(start: Callable[..., NodeProcess]) -> None:
-    process = start("point_cloud_adapter", "-p", "layout:=sick")
-    assert process.wait() == 2
-    assert "layout" in process.output()

@@ -46,16 +46,13 @@ Start = Callable[..., NodeProcess]
 @pytest.mark.parametrize(
     ("name", "argument", "complaint"),
     [
-        ("safety_monitor", "tilt_stop_deg:=1e9", "tilt_stop_deg"),
         ("safety_monitor", "rows:=[TILT]", "ESTOP_PRESSED must be among the rows"),
         ("safety_monitor", "rows:=[ESTOP_PRESSED, NO_SUCH]", "NO_SUCH is not a fault of the contract"),
         ("safety_monitor", "expected_processes:=[nobody]", "nobody is not a process"),
         ("safety_monitor", "no_such:=1", "no_such: is not a known parameter"),
         ("emergency_stop_button", "debounce_s:=0.0", "debounce_s"),
-        ("swerve_controller", "odometry.slip_factor:=.nan", "odometry.slip_factor: Input should be"),
         ("ndt_localization", "quality.odometry_silent_s:=0.05", "must be smaller than odometry_silent_s"),
         ("ndt_localization", "map:=nowhere", "no map 'nowhere'"),
-        ("mission_manager", "tries:=0", "tries"),
         ("perception_pipeline", "crop.range_min_m:=100.0", "range_min_m must be smaller than range_max_m"),
     ],
 )

@@ -126,9 +126,3 @@ def test_missing_can_bus_is_reported(start: Callable[..., NodeProcess], peer: Pe
     diagnostics = peer.listen(topics.DIAGNOSTICS)
     start(NAME, "-p", "can.channel:=can99")
     assert "can99" in says(diagnostics, NAME, "can99")["device"]
-
-
-def test_a_wrong_parameter_is_one_clear_line(start: Callable[..., NodeProcess]) -> None:
-    process = start(NAME, "-p", "can.bitrate:=9600")
-    assert process.wait() == 2
-    assert "bitrate" in process.output()

@@ -118,17 +118,6 @@ def rig(start: Callable[..., NodeProcess], peer: Peer, tmp_path: Path) -> Iterat
 # --- end ----------------------------------------------------------------------------------------------------
 
 
-def test_end_stops_the_wheels_and_closes_the_brakes(rig: Rig) -> None:
-    rig.ready()
-    rig.command(0.5)
-    rig.wait_speed(0.5)
-    watcher = watch_engine(rig)
-    rig.node.signal(signal.SIGTERM)
-    assert rig.node.wait() == 0
-    assert not watcher()
-    rig.wait_servos(on=False)
-
-
 def watch_engine(rig: Rig) -> Callable[[], bool]:
     """Opens a device so that the engine outlives the node. Returns a function: is any wheel command nonzero?
 
@@ -145,16 +134,6 @@ def watch_engine(rig: Rig) -> Callable[[], bool]:
         return bool(snapshot.velocity_cmd.any())
 
     return moving
-
-
-def test_killed_interface_leaves_no_wheel_turning(rig: Rig) -> None:
-    rig.ready()
-    rig.command(0.5)
-    rig.wait_speed(0.5)
-    moving = watch_engine(rig)
-    assert moving()
-    rig.node.process.kill()
-    wait_for(lambda: not moving(), "standstill")
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP], ids=["killed", "hung"])
