@@ -292,14 +292,18 @@ class Space:
                 at, hidden = on, True
             elif hidden:
                 break
+        shows_m = self._shows_m(top_m)
+        at = np.array(at, np.float64)
+        # Only a ray that would detect the object here clears it: a tall one, a person, may bend down.
+        at[:, 2] = np.minimum(at[:, 2], shows_m + p.top_margin_m)
         kernels.stand(
             *(self._state, self._passes, self._thing_m, self._under_m, self._hit_s, self._hit_at_m, self._since_s),
             *(self._ray_s, self._ray_m),
             self._last,
             self._corner,
             p.cell_m,
-            np.ascontiguousarray(at, np.float64),
-            self._shows_m(top_m),
+            at,
+            shows_m,
             self._newest_s - 0.5 * p.fade_s,
             self._newest_s,
             self._travel_m,

@@ -110,6 +110,13 @@ class Yard:
                 new._random = old._random
         return self
 
+    def reseed(self, seed: int) -> Yard:
+        """Other noise of the LiDARs from here on."""
+        for k, lidar in enumerate((self._lidar, self._overhead)):
+            if lidar is not None:
+                lidar._random = np.random.default_rng((seed, k))
+        return self
+
     def step(self) -> Scene:
         """Runs one half sweep."""
         self.now_s += STEP_S
