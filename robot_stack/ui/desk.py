@@ -17,7 +17,7 @@ NEEDS_STAFF, PAD_BUSY, NO_PIN_SET, WAIT, SLOW_DOWN = (
     "answer.wait",
     "answer.too_fast",
 )
-_EDITS = (p.CheckMission, p.SaveMission, p.DeleteMission)
+_EDITS = (p.CheckMission, p.SaveMission, p.DeleteMission, p.SaveZone, p.DeleteZone)
 _ORDERS = (p.AddOrder, p.ChangeOrder)
 _STAFF_ONLY = (p.Reset, p.ClearStop, p.Pad, p.Pose, p.Goal, p.CancelGoal, p.SelfTest, *_ORDERS, *_EDITS)
 
@@ -133,6 +133,10 @@ def named(message: p.ClientMessage) -> str:
             return f"save mission {message.mission.get('id')}{renamed}"
         case p.DeleteMission():
             return f"delete mission {message.mission}"
+        case p.SaveZone():
+            return f"save zone {message.name}"
+        case p.DeleteZone():
+            return f"delete zone {message.name}"
         case p.ClearStop():
             return f"clear the emergency stop of {message.source}"
         case p.SelfTest():

@@ -21,6 +21,7 @@ Deflection = Annotated[float, Field(ge=-1.0, le=1.0)]
 MissionId = Annotated[str, StringConstraints(pattern=r"^[a-z0-9][a-z0-9_]{0,63}$")]
 OrderId = Annotated[str, StringConstraints(min_length=1, max_length=64)]
 Revision = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{0,16}$")]
+ZoneName = Annotated[str, StringConstraints(min_length=1, max_length=64)]
 Pin = Annotated[str, StringConstraints(pattern=r"^[0-9]{4,12}$")]
 
 
@@ -212,6 +213,24 @@ class DeleteMission(Message):
     revision: Revision
 
 
+class SaveZone(Message):
+    """Adds a zone to the site's file, which the page read at ``revision``. points: corners in order, m, map."""
+
+    t: Literal["zone_save"]
+    name: ZoneName
+    type: Literal["keepout", "speed", "one_way"]
+    points: Annotated[list[tuple[Coordinate, Coordinate]], Field(min_length=3, max_length=64)]
+    speed_limit_mps: Annotated[float, Field(ge=0.1, le=10.0)] | None = None
+    heading_deg: Annotated[float, Field(ge=-360.0, le=360.0)] | None = None
+    revision: Revision
+
+
+class DeleteZone(Message):
+    t: Literal["zone_delete"]
+    name: ZoneName
+    revision: Revision
+
+
 class SelfTest(Message):
     """The guided self test: begins it, or acts on its step number ``step``. A page that stops showing it ends it."""
 
@@ -244,6 +263,8 @@ ClientMessage = Annotated[
     | CheckMission
     | SaveMission
     | DeleteMission
+    | SaveZone
+    | DeleteZone
     | SelfTest,
     Field(discriminator="t"),
 ]

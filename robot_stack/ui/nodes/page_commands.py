@@ -1,4 +1,4 @@
-"""Executes page requests: rides, orders, poses and goals, edited missions, requests to the safety monitor."""
+"""Executes page requests: rides, orders, poses and goals, edited missions and zones, requests to the safety monitor."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from robot_stack.ui.nodes.operator_requests import QUEUE_REFUSALS, Answer, Opera
 from robot_stack.ui.nodes.outputs import Outputs
 from robot_stack.ui.nodes.pages import Pages
 from robot_stack.ui.nodes.self_test import GuidedSelfTest
+from robot_stack.ui.nodes.zone_file import ZoneFile
 from robot_stack.ui.orders import QueueRequest, queue_request
 from robot_stack.ui.params import ResetParams
 
@@ -36,10 +37,11 @@ class PageCommands:
         pages: Pages,
         history: AuditFile,
         missions: MissionFiles,
+        zones: ZoneFile,
         self_test: GuidedSelfTest,
     ) -> None:
         self._outputs, self._pages, self._history, self._missions = outputs, pages, history, missions
-        self._self_test = self_test
+        self._zones, self._self_test = zones, self_test
         self._reset = OperatorRequest(node, reset, services.SAFETY_RESET, reset.tries)
         self._clear = OperatorRequest(node, reset, services.CLEAR_EMERGENCY_STOP, 1)
         self._queue = OperatorRequest(node, reset, services.EDIT_MISSION_QUEUE, 1, QUEUE_REFUSALS)
@@ -60,6 +62,9 @@ class PageCommands:
                 return
             case p.CheckMission() | p.SaveMission() | p.DeleteMission():
                 self._edit(client, message)
+                return
+            case p.SaveZone() | p.DeleteZone():
+                self._edit_zone(client, message)
                 return
             case p.SelfTest():
                 why = self._self_test.handle(client, message, self._pages.who(client))
@@ -98,6 +103,12 @@ class PageCommands:
             self._history.add(self._pages.who(client), named(message), done.why or "ok")
             self._pages.show_files()
         self._pages.answer(client, message.id, not done.why, done.why, done.detail, **done.fields())
+
+    def _edit_zone(self, client: int, message: p.SaveZone | p.DeleteZone) -> None:
+        done = self._zones.edit(message)
+        self._history.add(self._pages.who(client), named(message), done.why or "ok")
+        self._pages.show_files()
+        self._pages.answer(client, message.id, not done.why, done.why, done.detail)
 
 
 def _queue_fields(wanted: QueueRequest) -> dict[str, Any]:

@@ -49,7 +49,7 @@ class TouchUiNode(StackNode):
         self_test = GuidedSelfTest(self, self.params, inputs, self._outputs, self._audit, lambda: self._hub.testers)
         self._pages = Pages(self._hub, self._server, inputs, self._audit, missions, site, zones, self_test)
         self._commands = PageCommands(
-            self, self.params.reset, self._outputs, self._pages, self._audit, missions, self_test
+            self, self.params.reset, self._outputs, self._pages, self._audit, missions, zones, self_test
         )
         tell_touch_screen(self._server.url)
         self.every_real(pages.state_hz, self_test.tick)

@@ -1,15 +1,24 @@
-"""The zones and lanes of the site for the map page."""
+"""The zones and lanes of the site for the map page, and changes of the zones by staff."""
 
 from __future__ import annotations
 
+import json
 import math
+from pathlib import Path
 from typing import Any
 
+from robot_stack.core.atomic_file import replace_file
 from robot_stack.core.config import ConfigError
 from robot_stack.core.own_missions import revision_of
 from robot_stack.core.route_graph import load_graph
 from robot_stack.core.site_map import map_folder
-from robot_stack.core.zones import ZONES_FILE, Zone, read_zones
+from robot_stack.core.zones import ZONES_FILE, Zone, read_zones, zones_of
+from robot_stack.ui import protocol as p
+from robot_stack.ui.nodes.mission_files import NOT_SAVED, EditAnswer
+
+ZONE_INVALID, ZONE_CHANGED = "answer.zone_invalid", "answer.zone_changed"
+# Beside the file: its content before the last change.
+BEFORE = f"{ZONES_FILE}.before"
 
 
 class ZoneFile:
@@ -40,6 +49,35 @@ class ZoneFile:
             "changed": revision != self._begun,
         }
 
+    def edit(self, message: p.SaveZone | p.DeleteZone) -> EditAnswer:
+        """Executes a change of staff: the file is replaced at once, and its previous content kept in ``BEFORE``."""
+        if message.revision != self._revision():
+            return EditAnswer(ZONE_CHANGED)
+        if self._path is None:
+            return EditAnswer(ZONE_INVALID, "the site has no map")
+        try:
+            before = self._path.read_bytes() if self._path.exists() else b""
+            content: dict[str, Any] = {"type": "FeatureCollection", "features": []}
+            if before:
+                content = json.loads(before)
+            zones_of(content, ZONES_FILE)  # a file with errors is left to people
+            content["features"] = _changed(content["features"], message)
+            zones_of(content, ZONES_FILE)
+        except (ConfigError, ValueError) as error:
+            return EditAnswer(ZONE_INVALID, str(error))
+        except OSError as error:
+            return EditAnswer(NOT_SAVED, f"{error.filename}: {error.strerror}")
+        return self._save(self._path, before, json.dumps(content, ensure_ascii=False, indent=1) + "\n")
+
+    def _save(self, path: Path, before: bytes, content: str) -> EditAnswer:
+        try:
+            if before:
+                replace_file(path.with_name(BEFORE), before)
+            replace_file(path, content)
+        except OSError as error:
+            return EditAnswer(NOT_SAVED, f"{error.filename}: {error.strerror}")
+        return EditAnswer()
+
     def _read(self) -> tuple[list[dict[str, Any]], str]:
         if self._path is None or not self._path.exists():
             return [], ""
@@ -50,6 +88,20 @@ class ZoneFile:
 
     def _revision(self) -> str:
         return "" if self._path is None else revision_of(self._path)
+
+
+def _changed(features: list[Any], message: p.SaveZone | p.DeleteZone) -> list[Any]:
+    """Other features stay as they are, also their members that the robot does not use."""
+    if isinstance(message, p.DeleteZone):
+        return [feature for feature in features if feature["properties"]["name"] != message.name]
+    properties: dict[str, Any] = {"name": message.name, "type": message.type}
+    if message.speed_limit_mps is not None:
+        properties["speed_limit_mps"] = message.speed_limit_mps
+    if message.heading_deg is not None:
+        properties["heading_deg"] = message.heading_deg
+    ring = [list(point) for point in (*message.points, message.points[0])]
+    polygon = {"type": "Polygon", "coordinates": [ring]}
+    return [*features, {"type": "Feature", "properties": properties, "geometry": polygon}]
 
 
 def _shown(zone: Zone) -> dict[str, Any]:

@@ -100,6 +100,19 @@ export function drawZones(context, canvas, view, site) {
   }
 }
 
+// The corners of a zone that is being drawn.
+export function drawCorners(context, canvas, view, corners) {
+  if (!corners.length) return;
+  const points = corners.map(([x, y]) => view.toScreen(canvas, x, y));
+  context.beginPath();
+  for (const point of points) context.lineTo(...point);
+  context.closePath();
+  context.strokeStyle = context.fillStyle = "#8a3b00";
+  context.lineWidth = 4;
+  context.stroke();
+  for (const [px, py] of points) context.fillRect(px - 6, py - 6, 12, 12);
+}
+
 export function drawPlan(context, canvas, view, points) {
   if (!points?.length) return;
   context.beginPath();

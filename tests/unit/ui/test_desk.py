@@ -86,6 +86,7 @@ def test_audit_log_records_operator_actions(desk: d.Desk) -> None:
         ('{"t": "goal", "x": 1, "y": 2, "yaw": 0}', "goal 1.00 2.00 0.000"),
         ('{"t": "call", "on": true}', "staff called"),
         ('{"t": "call", "on": false}', "call answered"),
+        ('{"t": "zone_delete", "name": "lawn", "revision": ""}', ""),  # its outcome is
         ('{"t": "self_test", "act": "begin"}', "self test: begin"),
         ('{"t": "self_test", "act": "fail", "step": 3}', "self test: fail step 3"),
         ('{"t": "order", "mission": "site_ride"}', "order site_ride"),

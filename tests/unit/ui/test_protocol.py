@@ -44,6 +44,11 @@ GOOD: tuple[tuple[dict[str, Any], type], ...] = (
     ),
     ({"t": "mission_save", "mission": {"id": "tour"}, "was": "", "revision": ""}, p.SaveMission),
     ({"t": "mission_delete", "mission": "tour", "revision": "0123456789abcdef"}, p.DeleteMission),
+    (
+        {"t": "zone_save", "name": "lawn", "type": "keepout", "points": [[0, 0], [2, 0], [2, 1.5]], "revision": ""},
+        p.SaveZone,
+    ),
+    ({"t": "zone_delete", "name": "lawn", "revision": "0123456789abcdef"}, p.DeleteZone),
     ({"t": "self_test", "act": "begin"}, p.SelfTest),
     ({"t": "self_test", "act": "confirm", "step": 3}, p.SelfTest),
 )
@@ -95,6 +100,11 @@ BAD = (
     '{"t": "mission_save", "mission": {}, "was": "../tour", "revision": ""}',
     '{"t": "mission_save", "mission": {}, "was": "tour", "revision": "../../x"}',
     '{"t": "mission_delete", "mission": "", "revision": ""}',
+    '{"t": "zone_save", "name": "lawn", "type": "keepout", "points": [[0, 0], [2, 0]], "revision": ""}',
+    '{"t": "zone_save", "name": "lawn", "type": "keepout", "points": [[0, 0], [2, 0], [2, 1e9]], "revision": ""}',
+    '{"t": "zone_save", "name": "", "type": "keepout", "points": [[0, 0], [2, 0], [2, 1]], "revision": ""}',
+    '{"t": "zone_save", "name": "lawn", "type": "pit", "points": [[0, 0], [2, 0], [2, 1]], "revision": ""}',
+    '{"t": "zone_delete", "name": "lawn", "revision": "../x"}',
     '{"t": "self_test"}',
     '{"t": "self_test", "act": "reset", "step": 3}',
     '{"t": "self_test", "act": "confirm", "step": -1}',

@@ -12,7 +12,9 @@ import pytest
 from robot_stack.core.route_graph import GRAPH_FILE
 from robot_stack.core.site_map import map_folder
 from robot_stack.core.zones import ZONES_FILE
-from robot_stack.ui.nodes.zone_file import ZoneFile
+from robot_stack.ui import protocol as p
+from robot_stack.ui.nodes.mission_files import NOT_SAVED
+from robot_stack.ui.nodes.zone_file import BEFORE, ZONE_CHANGED, ZONE_INVALID, ZoneFile
 
 SQUARE = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0], [0.0, 0.0]]
 LAWN = {
@@ -62,3 +64,62 @@ def test_a_file_that_changes_is_read_again(folder: Path) -> None:
 
 def test_a_site_without_a_map() -> None:
     assert ZoneFile("").section() == {"zones": [], "lanes": [], "problem": "", "revision": "", "changed": False}
+
+
+def adding(zones: ZoneFile, name: str = "ward", **fields: Any) -> p.SaveZone:
+    given = {"type": "speed", "speed_limit_mps": 0.4, "revision": zones.section()["revision"], **fields}
+    message = {"t": "zone_save", "name": name, "points": [[0, 0], [2, 0], [2, 1.5]], **given}
+    parsed = p.parse(json.dumps(message))
+    assert isinstance(parsed, p.SaveZone)
+    return parsed
+
+
+def test_staff_add_and_delete_zones_and_the_file_before_is_kept(folder: Path) -> None:
+    write(folder, LAWN)
+    first = (folder / ZONES_FILE).read_bytes()
+    zones = ZoneFile(str(folder))
+    assert zones.edit(adding(zones)).why == ""
+    assert (folder / BEFORE).read_bytes() == first
+    added = adding(zones, "lane", type="one_way", speed_limit_mps=None, heading_deg=90)
+    assert zones.edit(added).why == ""
+    section = zones.section()
+    assert [(zone["name"], zone["type"]) for zone in section["zones"]] == [
+        ("lawn", "keepout"),
+        ("ward", "speed"),
+        ("lane", "one_way"),
+    ]
+    assert section["zones"][1]["rings"] == [[[0.0, 0.0], [2.0, 0.0], [2.0, 1.5], [0.0, 0.0]]]
+    assert section["changed"]
+    gone = p.DeleteZone(t="zone_delete", name="ward", revision=section["revision"])
+    assert zones.edit(gone).why == ""
+    assert [zone["name"] for zone in zones.section()["zones"]] == ["lawn", "lane"]
+    written = json.loads((folder / ZONES_FILE).read_text())
+    assert written["features"][0] == LAWN, "with the members of an editor"
+
+
+def test_the_first_zone_makes_the_file(folder: Path) -> None:
+    zones = ZoneFile(str(folder))
+    assert zones.edit(adding(zones)).why == ""
+    assert [zone["name"] for zone in zones.section()["zones"]] == ["ward"]
+    assert not (folder / BEFORE).exists()
+
+
+def test_a_change_that_cannot_be_saved_leaves_the_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(folder, LAWN)
+    zones = ZoneFile(str(folder))
+    old = adding(zones)
+    write(folder, LAWN, {**LAWN, "properties": {"name": "other", "type": "keepout"}})
+    content = (folder / ZONES_FILE).read_bytes()
+    assert zones.edit(old).why == ZONE_CHANGED
+    assert zones.edit(adding(zones, "lawn")).why == ZONE_INVALID
+    assert zones.edit(adding(zones, speed_limit_mps=None)).why == ZONE_INVALID
+
+    def full(*_: Any, **__: Any) -> None:
+        raise OSError(28, "No space left on device", "zones.geojson")
+
+    monkeypatch.setattr("robot_stack.ui.nodes.zone_file.replace_file", full)
+    assert zones.edit(adding(zones)).why == NOT_SAVED
+    assert (folder / ZONES_FILE).read_bytes() == content
+    (folder / ZONES_FILE).write_text("{")
+    assert zones.edit(adding(zones)).why == ZONE_INVALID
+    assert (folder / ZONES_FILE).read_text() == "{"

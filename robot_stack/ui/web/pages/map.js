@@ -2,12 +2,14 @@
 
 import { html, useEffect, useRef, useState } from "/vendor/preact-htm.js";
 import { t } from "/i18n.js";
-import { View, at, drawBackground, drawObstacles, drawPeople, drawPlan, drawRobot, drawZones, poseOf, readCostmap, readObstacles } from "/map_draw.js";
+import { ZoneForm } from "/pages/zone_form.js";
+import { View, at, drawBackground, drawObstacles, drawPeople, drawPlan, drawCorners, drawRobot, drawZones, poseOf, readCostmap, readObstacles } from "/map_draw.js";
 
 const LAYERS = ["plan", "costmap", "obstacles", "people", "zones"];
 const LEAST_DRAG_M = 0.3;
+const STILL_PX = 8; // a finger that moves less has not dragged
 
-function draw(canvas, view, layers, state, picture, wish) {
+function draw(canvas, view, layers, state, picture, wish, corners) {
   const context = canvas.getContext("2d");
   const pose = poseOf(state);
   if (view.follows && pose) [view.x, view.y] = [pose.x, pose.y];
@@ -23,6 +25,7 @@ function draw(canvas, view, layers, state, picture, wish) {
   if (layers.obstacles) drawObstacles(context, canvas, view, layers.obstacles);
   drawPlan(context, canvas, view, state.plan?.points);
   drawPeople(context, canvas, view, state.people?.near ?? []);
+  drawCorners(context, canvas, view, corners);
   const footprint = state.site?.footprint; // nothing is drawn of a robot of unknown size
   if (pose && footprint) drawRobot(context, canvas, view, pose, footprint, "#0b4a63");
   if (wish && footprint) drawRobot(context, canvas, view, wish, footprint, "#8a3b00");
@@ -35,8 +38,12 @@ export function MapPage({ link, state, say }) {
   const picture = useRef(new Image());
   const [tool, setTool] = useState("look");
   const [wish, setWish] = useState(null);
+  const [corners, setCorners] = useState([]);
   const drag = useRef(null);
-  const paint = () => canvas.current && draw(canvas.current, view.current, layers.current, link.state, picture.current, drag.current?.wish ?? wish);
+  const chosen = useRef({}); // frames are painted by the first render's function
+  chosen.current = { wish, corners };
+  const paint = () => canvas.current && draw(canvas.current, view.current, layers.current, link.state, picture.current,
+    drag.current?.wish ?? chosen.current.wish, chosen.current.corners);
 
   useEffect(() => {
     picture.current.onload = paint;
@@ -54,13 +61,14 @@ export function MapPage({ link, state, say }) {
   }, []);
   useEffect(paint);
 
-  const choose = (name) => { setTool(name); setWish(null); };
+  const choose = (name) => { setTool(name); setWish(null); setCorners([]); };
   const send = async () => {
     say(await link.ask({ t: tool, x: wish.x, y: wish.y, yaw: wish.yaw }));
     choose("look");
   };
   const zoom = (factor) => { view.current.scale = Math.min(120, Math.max(4, view.current.scale * factor)); paint(); };
-  const touch = touches(canvas, view, drag, tool, setWish, paint, link);
+  const addCorner = (corner) => setCorners((before) => [...before, corner]);
+  const touch = touches(canvas, view, drag, tool, setWish, paint, link, addCorner);
   return html`<section class="page map" data-page="map">
     <div class="toolbar">
       <h2>${t("map.title")}</h2>
@@ -68,9 +76,11 @@ export function MapPage({ link, state, say }) {
         <button id="tool-look" aria-pressed=${tool === "look"} onClick=${() => choose("look")}>${t("map.look")}</button>
         <button id="tool-pose" aria-pressed=${tool === "pose"} onClick=${() => choose("pose")}>${t("map.set_pose")}</button>
         <button id="tool-goal" aria-pressed=${tool === "goal"} onClick=${() => choose("goal")}>${t("map.goal")}</button>
+        <button id="tool-zone" aria-pressed=${tool === "zone"} onClick=${() => choose("zone")}>${t("map.zone")}</button>
         <button id="cancel-goal" onClick=${async () => say(await link.ask({ t: "cancel_goal" }))}>${t("map.cancel_goal")}</button>
       </div>
     </div>
+    <div class="map-row">
     <div class="map-area">
       <canvas ref=${canvas} id="map" role="img" aria-label=${t("map.canvas")} ...${touch}></canvas>
       <div class="zoom">
@@ -80,12 +90,14 @@ export function MapPage({ link, state, say }) {
       </div>
       <${Hint} tool=${tool} wish=${wish} send=${send} cancel=${() => choose("look")} />
     </div>
+    ${tool === "zone" && html`<${ZoneForm} link=${link} site=${state.zones} say=${say} corners=${corners} setCorners=${setCorners} close=${() => choose("look")} />`}
+    </div>
     <p class="figures"><${Place} state=${state} /><${People} state=${state} /><${Zones} site=${state.zones} /></p>
   </section>`;
 }
 
 function Hint({ tool, wish, send, cancel }) {
-  if (tool === "look") return null;
+  if (tool === "look" || tool === "zone") return null;
   if (!wish) return html`<p class="map-hint">${t(tool === "pose" ? "map.drag_pose" : "map.drag_goal")}</p>`;
   return html`<div class="map-hint" role="alertdialog" aria-label=${t("app.confirm")}>
     <span>${t(tool === "pose" ? "map.confirm_pose" : "map.confirm_goal")}</span>
@@ -119,8 +131,9 @@ function Zones({ site }) {
     ${site.changed && html`<span id="zones-changed">${t("map.zones_changed")}</span>`}`;
 }
 
-// One finger: moves the map, or sets a place and, by dragging, a direction.
-function touches(canvas, view, drag, tool, setWish, paint, link) {
+// One finger: moves the map, or sets a place and, by dragging, a direction; a touch without a drag sets a zone's corner.
+function touches(canvas, view, drag, tool, setWish, paint, link, addCorner) {
+  const moves = tool === "look" || tool === "zone";
   const where = (event) => {
     const box = canvas.current.getBoundingClientRect();
     return view.current.toMap(canvas.current, event.clientX - box.left, event.clientY - box.top);
@@ -136,13 +149,15 @@ function touches(canvas, view, drag, tool, setWish, paint, link) {
     onPointerDown: (event) => {
       canvas.current.setPointerCapture(event.pointerId);
       const start = where(event);
-      drag.current = { start, wish: tool === "look" ? null : wishAt(start, start) };
+      drag.current = { start, at: [event.clientX, event.clientY], moved: false, wish: moves ? null : wishAt(start, start) };
       paint();
     },
     onPointerMove: (event) => {
       if (!drag.current) return;
       const now = where(event);
-      if (tool === "look") {
+      if (moves) {
+        drag.current.moved ||= Math.hypot(event.clientX - drag.current.at[0], event.clientY - drag.current.at[1]) > STILL_PX;
+        if (tool === "zone" && !drag.current.moved) return;
         view.current.follows = false;
         view.current.x -= now[0] - drag.current.start[0];
         view.current.y -= now[1] - drag.current.start[1];
@@ -153,6 +168,10 @@ function touches(canvas, view, drag, tool, setWish, paint, link) {
     },
     onPointerUp: () => {
       if (drag.current?.wish) setWish(drag.current.wish);
+      else if (tool === "zone" && drag.current && !drag.current.moved) {
+        view.current.follows = false; // the map stays while a zone is drawn
+        addCorner(drag.current.start);
+      }
       drag.current = null;
     },
     onPointerCancel: () => { drag.current = null; paint(); },

@@ -1,0 +1,93 @@
+"""Staff see, draw and delete zones of the site on the map page."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from robot_stack.core.site_map import map_folder
+from robot_stack.core.zones import ZONES_FILE, ZoneType, read_zones
+from robot_stack.ui.pin import hash_pin
+from tests.support.processes import NodeProcess
+from tests.support.ui_page import PIN
+from tests.support.ui_robot import StandInRobot
+from tests.support.waiting import wait_for
+from tests.ui.conftest import unlock, until
+from tests.ui.test_access_for_all import AXE, check
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(map_folder("yard"), tmp_path / "yard"))
+
+
+@pytest.fixture
+def screen(start: Callable[..., NodeProcess], browser: Any, folder: Path) -> NodeProcess:
+    lawn = {
+        "type": "Feature",
+        "properties": {"name": "lawn", "type": "keepout"},
+        "geometry": {"type": "Polygon", "coordinates": [[[5, 5], [7, 5], [7, 7], [5, 5]]]},
+    }
+    (folder / ZONES_FILE).write_text(json.dumps({"type": "FeatureCollection", "features": [lawn]}))
+    pin = f"access.pin_hash:='{hash_pin(PIN)}'"
+    process = start("touch_ui", "-p", "server.port:=0", "-p", pin, "-p", f"pages.map:='{folder}'")
+    process.wait_output("serving http")
+    return process
+
+
+# Pixels in the colour of the corners that were touched.
+CORNERS = """() => {
+    const canvas = document.getElementById('map');
+    const pixels = new Uint32Array(canvas.getContext('2d').getImageData(0, 0, canvas.width, canvas.height).data.buffer);
+    return pixels.reduce((count, pixel) => count + ((pixel & 0xffffff) === 0x003b8a), 0);
+}"""
+
+
+def touch(page: Any, *places: tuple[float, float]) -> None:
+    """Touches the map, in pixels from its middle."""
+    box = page.locator("#map").bounding_box()
+    for x, y in places:
+        page.touchscreen.tap(box["x"] + box["width"] / 2 + x, box["y"] + box["height"] / 2 + y)
+
+
+def names(page: Any) -> list[str]:
+    return list(page.evaluate("window.touchUi.link.state.zones.zones.map((zone) => zone.name)"))
+
+
+def test_zones_are_drawn_saved_and_deleted(page: Any, robot: StandInRobot, folder: Path) -> None:
+    unlock(page)
+    until(page, "document.querySelector('#zones')?.textContent === 'Zones: 1, lanes: 0'")
+    page.click("#tool-zone")
+    page.click('[data-kind="one_way"]')
+    assert page.is_disabled("#zone-save")
+    touch(page, (40, 60), (40, 140), (100, 140), (120, 40))
+    until(page, "document.querySelector('.zone-form').textContent.includes(': 4.')")
+    page.click("#zone-undo")
+    until(page, "document.querySelector('.zone-form').textContent.includes(': 3.')")
+    wait_for(lambda: page.evaluate(CORNERS) > 200, "the corners on the map")
+    page.evaluate(AXE)
+    check(page, "the form of a zone")
+    page.click("#zone-save")
+    wait_for(lambda: names(page) == ["lawn", "one_way 1"], "the new zone")
+    _, lane = read_zones(folder / ZONES_FILE)
+    assert lane.type is ZoneType.ONE_WAY
+    assert abs(lane.heading_rad + 1.5708) < 0.05, "from the first corner to the second, downwards on the screen"
+    assert len(lane.rings[0]) == 4
+    until(page, "document.querySelector('#zones-changed') !== null")
+    page.click('[data-kind="speed"]')
+    page.click('[data-speed="0.6"]')
+    touch(page, (-120, 60), (-60, 60), (-60, 120))
+    page.click("#zone-save")
+    wait_for(lambda: names(page) == ["lawn", "one_way 1", "speed 1"], "the second zone")
+    assert read_zones(folder / ZONES_FILE)[2].speed_mps == 0.6
+    page.click('[data-delete="lawn"]')
+    page.click('[data-delete-yes="lawn"]')
+    wait_for(lambda: names(page) == ["one_way 1", "speed 1"], "the zone to be gone")
+    assert [zone.name for zone in read_zones(folder / ZONES_FILE)] == ["one_way 1", "speed 1"]
+    page.click('[data-nav="history"]')
+    until(page, "document.body.textContent.includes('delete zone lawn')")
