@@ -105,6 +105,17 @@ class FleetVehicle:
 
     def tick(self, now_s: float, unix_s: float) -> dict[Topic, bytes]:
         """After a time of any length, about 0.1 s."""
+        self.drive(now_s, unix_s)
+        self.agent.tick(self.view(), now_s, unix_s)
+        if self._agent_journal is not None and self._agent_journal.save(self.agent.record):
+            return {}
+        outputs = self.agent.take()
+        if outputs.request is not None:
+            self.agent.answered(outputs.request, *self.edit(outputs.request, unix_s))
+        return outputs.messages
+
+    def drive(self, now_s: float, unix_s: float) -> None:
+        """A tick without the agent: of the body and the mission manager."""
         dt_s = 0.0 if math.isnan(self._now_s) else now_s - self._now_s
         self._now_s = now_s
         self._move(dt_s)
@@ -113,15 +124,9 @@ class FleetVehicle:
             self._performer.start_up(self._inputs(unix_s), now_s)
             self._handle(ev.EditQueue(Operation.RELEASE, origin=Origin.CLI), unix_s)
         self._handle(ev.Tick(), unix_s)
-        self.agent.tick(self._view(), now_s, unix_s)
-        if self._agent_journal is not None and self._agent_journal.save(self.agent.record):
-            return {}
-        outputs = self.agent.take()
-        if outputs.request is not None:
-            self._edit(outputs.request, unix_s)
-        return outputs.messages
 
-    def _edit(self, request: progress.Request, unix_s: float) -> None:
+    def edit(self, request: progress.Request, unix_s: float) -> tuple[bool, str]:
+        """The mission manager's answer to the agent."""
         waypoints = [
             {
                 "name": stop.name,
@@ -147,7 +152,7 @@ class FleetVehicle:
         )
         self._handle(edit, unix_s)
         answer = self._kernel.queue_answer
-        self.agent.answered(request, answer.success, answer.message)
+        return answer.success, answer.message
 
     # --- body --------------------------------------------------------------------------------------------------------
 
@@ -206,7 +211,7 @@ class FleetVehicle:
             clock_s=unix_s,
         )
 
-    def _view(self) -> RobotView:
+    def view(self) -> RobotView:
         return RobotView(
             pose=self.pose,
             quality=1.0,
