@@ -69,7 +69,7 @@ class _Wire:
         return [(topic, payload) for _, _, topic, payload in due]
 
 
-class _Master:
+class Master:
     """Gives its orders one after the other, each in two messages, and repeats what no state shows.
 
     cancels: numbers of the orders that it cancels under way. Of two states it uses the one with the greater header.
@@ -158,7 +158,7 @@ class Chaos:
         self._rng = random.Random(seed)
         self.counts = Counts()
         self._bench = Bench()
-        self._master = _Master(self._rng, orders)
+        self._master = Master(self._rng, orders)
         self._to_robot, self._to_master = _Wire(self._rng, self.counts), _Wire(self._rng, self.counts)
         self._now_s = self._skew_s = 0.0
         self._away_s = self._dead_s = 0.0  # until then
