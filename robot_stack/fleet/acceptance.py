@@ -18,7 +18,7 @@ from robot_stack.fleet.version import Version
 
 # Of one order with all its updates: they stay in the state until the next order.
 MAX_ACTIONS: Final = 500
-_PAST_ORDERS: Final = 50
+_PAST_ORDERS: Final = 1000  # 20 kB of the journal
 _ENTRY_BYTES: Final = 100  # of a node, edge or action in the state, without its texts
 _RESULT_BYTES: Final = 4 * RESULT_LENGTH
 

@@ -189,10 +189,19 @@ def test_a_late_copy_of_an_instant_action_has_no_effect() -> None:
 
 def test_past_ids_are_limited() -> None:
     bench = Bench()
-    for number in range(60):
+    bench.kernel.record = bench.kernel.record.model_copy(update={"past_orders": ("0" * 16,) * 990})
+    for number in range(30):
         bench.order(order(route("a"), f"order {number}"))
         bench.instant(*(action("stateRequest", f"{number}.{index}") for index in range(10)))
-    assert (len(bench.kernel.record.past_orders), len(bench.kernel.record.past_actions)) == (50, 200)
+    assert (len(bench.kernel.record.past_orders), len(bench.kernel.record.past_actions)) == (1000, 200)
+
+
+def test_an_order_is_refused_after_hundreds_of_others() -> None:
+    bench = Bench()
+    for number in range(200):
+        bench.order(order(route("a"), f"order {number}"))
+    state = bench.order(order(route("a"), "order 0"))
+    assert (state["orderId"], error_types(state)) == ("order 199", ["orderUpdateError"])
 
 
 def test_a_flood_displaces_no_message_of_another_topic() -> None:
