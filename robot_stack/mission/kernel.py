@@ -76,6 +76,7 @@ _HELD_AFTER = {
 }
 _CRITICAL = "the battery is critical"
 _LOST = "localization lost: check the pose on the map; RESUME goes on"
+_LOST_NOW = "localization is lost: set the pose on the map first"
 _NO_SERVER = f"waiting for {NAVIGATION}"
 _EMERGENCY = "emergency stop is active: release it and reset the safety monitor first"
 
@@ -313,7 +314,7 @@ class MissionKernel:
         if self._record.docking_begun and self._record.safe_place is None:
             return ""
         if guards.lost(inputs):
-            return "localization is lost: set the pose on the map first"
+            return _LOST_NOW
         if guards.battery_critical(inputs) and self._record.safe_place is None:
             return f"{_CRITICAL}: charge the robot first"
         return ""
@@ -433,7 +434,8 @@ class MissionKernel:
             case Operation.RELEASE:
                 charged = self._at_dock(inputs) and inputs.battery >= self._params.charged
                 docked = "" if charged else self._docked(inputs)
-                problem = self._may_not_go(inputs) or self._battery_low(inputs) or docked
+                lost = _LOST_NOW if guards.lost(inputs) else ""
+                problem = self._may_not_go(inputs) or self._battery_low(inputs) or docked or lost
                 if request.origin is Origin.FLEET:
                     problem = "only a person releases the queue"
                 if problem:

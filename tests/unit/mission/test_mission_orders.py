@@ -330,6 +330,17 @@ def test_lost_localization_without_a_ride_waits_for_a_person(story):
     assert held(story) is HeldBy.LOCALIZATION_LOST
 
 
+def test_a_release_is_refused_while_localization_is_lost(params):
+    story = Story(params).given(faults=("LOCALIZATION_LOST",)).edit(Operation.RELEASE).tick()
+    assert (story.answer.success, story.answer.message) == (
+        False,
+        "localization is lost: set the pose on the map first",
+    )
+    assert held(story) is HeldBy.RESTART
+    story.given(faults=()).edit(Operation.RELEASE).tick(story.params.localization_lost_s + 1.0)
+    assert (story.answer.success, held(story)) == (True, HeldBy.NOTHING)
+
+
 def test_the_fleet_starts_nothing_with_a_passenger_aboard(story):
     story.happens(ev.PassengerChanged(True))
     rests(released(story).order("a", "park"))
