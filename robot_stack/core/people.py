@@ -17,7 +17,7 @@ class Person:
 
     number: of the track. radius_m: of a circle in its place. box: least x, y and greatest x, y of its cells at stamp_s,
     None without cells of its own. sigma_m, sigma_mps: standard deviations of place and velocity along each axis.
-    sightings: grids with a detection. walks: a moving body now. walked: has walked, so this is a person and not an
+    sightings: grids with a detection. walks: a moving body. walked: has walked, so this is a person and not an
     object of that size. apart_s: the last stamp at which nothing else touched the person.
     """
 

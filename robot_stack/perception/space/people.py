@@ -28,6 +28,8 @@ Mask = NDArray[np.bool_]
 _EXPLAINED = 0.8
 # Cells of someone hidden, at least; fewer returns there may be noise.
 _CELLS = 4
+# For so long someone who has arrived still counts as walking.
+_ARRIVES_S = 1.5
 _JOINED = np.ones((3, 3), np.int8)
 
 
@@ -37,6 +39,7 @@ class People:
     def __init__(self, params: PeopleParams) -> None:
         self._params = params
         self._number = 0
+        self._walked_s: dict[int, float] = {}  # when each person has walked last, by number
         self.people: tuple[Person, ...] = ()
 
     def forget(self) -> None:
@@ -62,6 +65,8 @@ class People:
             one for one in left if stamp_s - one.stamp_s <= self._params.memory_s or self._is_hidden(grid, one, stamp_s)
         ]
         self.people = tuple(now)
+        walked_s = {one.number: one.stamp_s for one in now if one.walks}
+        self._walked_s = {one.number: self._walked_s.get(one.number, -math.inf) for one in now} | walked_s
         return self.people
 
     def _is_hidden(self, grid: SpaceGrid, one: Person, stamp_s: float) -> bool:
@@ -100,10 +105,13 @@ class People:
             rows, columns = np.nonzero((labels[window] == index) & occupied[window])
             points = np.column_stack((columns + window[1].start, rows + window[0].start)) + 0.5
             points = np.array(grid.corner_m) + size_m * points
+            since_s = grid.since_s[window][rows, columns]
             moving = [body for body in alone if float(_away(points, body, 0.0).min()) <= p.join_m]
             if moving or _size_m(points, size_m) > p.max_size_m:
                 people = self._explaining(stamp_s, points, size_m, moving, standing)
-                if people:
+                if not people:
+                    found += self._beside_objects(stamp_s, points, since_s, size_m, moving, standing)
+                else:
                     alone = [body for body in alone if body not in moving]
                     found += people
             elif _size_m(points, size_m) >= p.min_size_m:
@@ -135,6 +143,28 @@ class People:
                 found.append(replace(self._of_body(stamp_s, moving[k]), apart_s=stamp_s, box=_box(piece, size_m)))
             else:
                 found.append(self._seen(stamp_s, standing[k - len(moving)].apart_s, piece, size_m))
+        return found
+
+    def _beside_objects(
+        self,
+        stamp_s: float,
+        points: Floats,
+        since_s: Floats,
+        size_m: float,
+        moving: list[MovingBody],
+        standing: list[Person],
+    ) -> list[Person]:
+        """Those of ``standing`` in a cluster with an object: at their places, cells occupied since they came.
+
+        since_s: (n,) when the cells at (n, 2) points became occupied. The object's cells are older.
+        """
+        p, found = self._params, list[Person]()
+        for one in standing:
+            came_s = self._walked_s.get(one.number, math.inf) - _ARRIVES_S
+            own = points[(np.hypot(*(points - (one.x, one.y)).T) <= p.max_radius_m) & (since_s >= came_s)]
+            walks_on = any(_is_at(one, body, stamp_s, p.gate_m) for body in moving)
+            if not walks_on and len(own) >= _CELLS and p.min_size_m <= _size_m(own, size_m) <= p.max_size_m:
+                found.append(self._seen(stamp_s, stamp_s, own, size_m))
         return found
 
     def _seen(self, stamp_s: float, apart_s: float, points: Floats, size_m: float) -> Person:

@@ -34,13 +34,14 @@ _HIDDEN_M = 1.6  # before an attached chair, an object 0.25 m high is hidden for
 @dataclass(frozen=True, slots=True)
 class SpaceGrid:
     """state: (rows, columns) -1 unseen, 0 free, 100 occupied, row 0 at the lowest y. corner_m: lower left, odom.
-    hit_s: (rows, columns) time of the last return, -inf without one.
+    hit_s: (rows, columns) time of the last return, -inf without one. since_s: (rows, columns) when it became occupied.
     """
 
     state: Cells
     corner_m: tuple[float, float]
     cell_m: float
     hit_s: Floats
+    since_s: Floats
 
 
 class Space:
@@ -327,7 +328,7 @@ class Space:
     def grid(self) -> SpaceGrid:
         """The present grid; the arrays change with the next view."""
         x, y = (float(self._corner[axis] * self._params.cell_m) for axis in (0, 1))
-        return SpaceGrid(self._state, (x, y), self._params.cell_m, self._hit_s)
+        return SpaceGrid(self._state, (x, y), self._params.cell_m, self._hit_s, self._since_s)
 
     def _move_to(self, pose: Pose2, stamp_s: float) -> None:
         before = self._pose

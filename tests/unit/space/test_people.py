@@ -74,6 +74,7 @@ class Grids:
             (0.0, 0.0),
             CELL_M,
             np.where(occupied, self.now_s, -np.inf),
+            np.full(X.shape, -np.inf),
         )
         return self.tracker.look(self.now_s, grid, bodies)
 
@@ -164,6 +165,20 @@ def test_a_person_who_walks_along_a_wall_leaves_it_an_obstacle() -> None:
     scene, wall = Scene(), abs(Y - 4.35) < 0.1
     scene.walk((2.0, 4.0), (7.0, 4.0), 1.0, wall)
     assert all(one.box is None or one.in_group for one in scene.people if one.walks)
+
+
+def test_who_stops_in_a_gate_remains_a_person() -> None:
+    """The gap to the gate's post is smaller than ``join_m``."""
+    scene, gate = Scene(), (abs(Y - 4.0) < 0.1) & ((X < 4.3) | (X > 5.6))
+    scene.walk((5.2, 7.0), (5.2, 4.05), 0.8, gate)
+    for _ in range(round(10.0 / SWEEP_S)):
+        scene.see(gate | at((5.2, 4.05)))
+    (one,) = scene.near((5.2, 4.05), 0.45)
+    assert one.walked
+    assert not one.in_group
+    for _ in range(30):
+        scene.see(gate)
+    assert not any(one.walked for one in scene.people), "the gate is none"
 
 
 def test_larger_bodies_stay_obstacles() -> None:
