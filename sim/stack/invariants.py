@@ -322,6 +322,10 @@ class Invariants(Observer):
         if twist.linear.x or twist.linear.y or twist.angular.z:
             self._released_unasked = False
 
+    def note_request(self) -> None:
+        """A person has asked for motion by a service, of which no message shows it: the release of the queue."""
+        self._released_unasked = False
+
     # --- the world ---------------------------------------------------------------------------------------------------
 
     def look(self) -> None:

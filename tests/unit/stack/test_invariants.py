@@ -136,15 +136,17 @@ def test_motion_in_an_emergency_stop(scene: Scene) -> None:
     assert "moves_while_stopped" in scene.names
 
 
-@pytest.mark.parametrize("asked", [False, True])
-def test_motion_after_a_release_needs_a_request(scene: Scene, asked: bool) -> None:
+@pytest.mark.parametrize("asked", ["", "command", "call"])
+def test_motion_after_a_release_needs_a_request(scene: Scene, asked: str) -> None:
     scene.safety("EMERGENCY_STOP", "TILT")
     scene.limit(0.0)
     scene.run(1.0)
     scene.safety()
     scene.limit(1.0)
     scene.publish(topics.GOAL_POSE, "mission_manager", PoseStamped())  # a node's own goal is no request
-    if asked:
+    if asked == "call":
+        scene.checks.note_request()
+    elif asked:
         command = UICommand(command_type=UICommand.RESUME)
         scene.publish(topics.UI_COMMAND, "touch_ui", command)
     scene.run(0.5, speed_mps=0.3)
