@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import socket
 import subprocess
@@ -33,7 +34,7 @@ class RunningBroker:
         with open(self.site.folder / "log", "ab") as log:
             self._process = subprocess.Popen([mosquitto(), "-c", str(self._file)], stderr=log)
         for port in (self.port,) if self._local else (self.port, self.port + 1):
-            wait_for(lambda port=port: self._listens(port), f"broker at port {port}")
+            wait_for(functools.partial(self._listens, port), f"broker at port {port}")
 
     def kill(self) -> None:
         """As a loss of power ends it."""
