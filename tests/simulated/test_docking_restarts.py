@@ -52,6 +52,7 @@ def kill_and_wait_failed(stage: Stage) -> Any:
 def test_a_mission_whose_docking_controller_dies_fails_and_may_be_started_again(tmp_path: Path) -> None:
     staging = load_docks().docks[DOCK].staging.pose()
     with own_config(tmp_path, short=mission(f"{{dock: {DOCK}}}", staging)), staged_before_chair(START) as stage:
+        stage.assert_wheels_rest(0.3)  # until the mission manager has the pose and safety state, too
         begin(stage)
         stage.wait_docking("SERVOING", 60.0)
         stage.wait_faster(0.08)
