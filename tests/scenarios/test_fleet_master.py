@@ -35,8 +35,9 @@ def test_a_transport_in_two_updates(tmp_path: Path) -> None:
         url = broker.site.robot_url()
         with closing(StackUnderTest(tmp_path / "logs", *settings, fleet=url)) as stack:
             bodies = stack.peer.listen(topics.SIM_BODIES)
-            # A release before the pose is known is taken back by the mission manager.
-            stack.wait_safety("NORMAL")
+            # A release before the pose is known is refused. With the next message the mission manager has the first.
+            first = stack.wait_safety("NORMAL")
+            stack.safety.wait(lambda message: message is not first, "another safety status")
             release = EditMissionQueue.Request(
                 operation=EditMissionQueue.Request.RELEASE, order=MissionOrder(origin="cli")
             )
