@@ -84,6 +84,7 @@ class DockingController:
         self._dock_id = ""
         self._dock: Dock | None = None
         self._undocking = False
+        self._station = ""  # the robot has docked to it and has not cleared it yet
         self._tries = 0
         self._staging = 0  # index of the staging pose of this try
         self._unreachable: set[int] = set()  # staging poses that navigation gave up in this job
@@ -123,9 +124,20 @@ class DockingController:
         """An undocking is under way."""
         return self._undocking and self.busy
 
+    @property
+    def station(self) -> str:
+        """Id of the station or charger that the robot has docked to and has not cleared yet, else empty."""
+        return self._station
+
     def recall(self, attached: bool) -> None:
         """Sets, before the first tick, whether a wheelchair was attached at the end of the previous controller."""
         self._keeper.recall(attached)
+
+    def recall_station(self, dock_id: str, dock: Dock) -> None:
+        """Sets, before the first tick, the station of the previous controller."""
+        self._station = self._dock_id = dock_id
+        self._dock = dock
+        self._text = "docked"
 
     # --- requests ----------------------------------------------------------------------------------------------------
 
@@ -135,8 +147,8 @@ class DockingController:
             return Result(DockCode.BUSY, f"busy: {self._text}")
         if self._keeper.attached:
             return Result(DockCode.ALREADY_ATTACHED, "a wheelchair is attached already")
-        if self._state is DockingState.DOCKED:
-            return Result(DockCode.ALREADY_ATTACHED, f"docked at {self._dock_id!r}: undock first")
+        if self._station:
+            return Result(DockCode.ALREADY_ATTACHED, f"docked at {self._station!r}: undock first")
         if self._keeper.attached is None:
             return Result(DockCode.LATCH_FAILED, "the latch's inputs cannot be read")
         self._dock_id, self._dock = dock_id, dock
@@ -163,7 +175,7 @@ class DockingController:
         p, twist, safety = self._params.undock, situation.twist, situation.safety
         if self.busy:
             return Result(UndockCode.BUSY, f"busy: {self._text}")
-        if not self._keeper.attached and self._state is not DockingState.DOCKED:
+        if not self._keeper.attached and not self._station:
             return Result(UndockCode.NOT_ATTACHED, "nothing is attached")
         if safety.emergency or not safety.known:
             return Result(UndockCode.SAFETY_STOP, "emergency stop" if safety.known else "no fresh /safety/status")
@@ -178,7 +190,8 @@ class DockingController:
         if not self.busy:
             return None
         code = UndockCode.CANCELED if self._undocking else DockCode.CANCELED
-        self._enter(Trigger.CANCELLED, self._resting_phase("cancelled"))
+        self._text = "cancelled"
+        self._enter(Trigger.CANCELLED, self._resting_phase(self._text))
         return self._result(code, "cancelled", None)
 
     # --- inputs ------------------------------------------------------------------------------------------------------
@@ -268,6 +281,8 @@ class DockingController:
         phase = self._phase
         if isinstance(phase, Latching) and phase.closed:
             self._phase = LookingOnce(self._params.latch)
+            assert self._dock is not None
+            self._station = self._dock_id if self._dock.kind != "wheelchair" else ""
             self.tracker.count_from(self._now_s + self._params.latch.learn_after_s)
         elif isinstance(phase, LookingOnce) and phase.finished:
             return self._docked(view)
@@ -282,6 +297,7 @@ class DockingController:
         if step.trigger in (Trigger.STAGED_ONLY, Trigger.CLEAR):
             if step.trigger is Trigger.CLEAR:
                 self._keeper.released()
+                self._station = ""
             self._enter(step.trigger, _Idle())
             return self._result(DockCode.NONE, "", view)
         self._enter(step.trigger, self._next_phase(step.trigger))
@@ -367,8 +383,11 @@ class DockingController:
         lost = self._keeper.update(situation.latch, may_open=may_open)
         if lost:
             self._state, self._phase = DockingState.FAILED, _Idle(_LET_GO)
-        elif self._keeper.holding and not self.busy and self._state is DockingState.IDLE:
-            self._enter(Trigger.ATTACHED, Latched("docked"))
+        elif not self.busy and self._state in (DockingState.IDLE, DockingState.FAILED):
+            if self._station and not self._keeper.attached:
+                self._enter(Trigger.ATTACHED, Latched(self._text))  # how the undocking ended
+            elif self._keeper.holding and self._state is DockingState.IDLE:
+                self._enter(Trigger.ATTACHED, Latched("docked"))
         return lost
 
     def _view(self, situation: Situation, dt_s: float) -> View:

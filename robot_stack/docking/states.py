@@ -22,7 +22,7 @@ class Trigger(Enum):
     CLEAR = "clear of the dock"
     GAVE_UP = "failed"
     CANCELLED = "cancelled"
-    ATTACHED = "found with a closed latch"
+    ATTACHED = "found with a closed latch, or not clear of a station"
 
 
 _RESTING = (DockingState.IDLE, DockingState.DOCKED, DockingState.FAILED)
@@ -49,7 +49,7 @@ TRANSITIONS: tuple[Transition[DockingState, Trigger], ...] = (
     *rows((DockingState.SERVOING,), Trigger.CLEAR, DockingState.IDLE),
     *rows(ACTIVE, Trigger.GAVE_UP, DockingState.FAILED),
     *rows(ACTIVE, Trigger.CANCELLED, DockingState.IDLE),
-    *rows((DockingState.IDLE,), Trigger.ATTACHED, DockingState.DOCKED),
+    *rows((DockingState.IDLE, DockingState.FAILED), Trigger.ATTACHED, DockingState.DOCKED),
 )
 
 _TABLE = table_of(TRANSITIONS)

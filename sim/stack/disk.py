@@ -122,14 +122,12 @@ class _Attached(AttachedFile):
         super().__init__()
         self._disk, self._power_goes = disk, power_goes
 
-    def save(self, attached: bool) -> str:
-        if attached == self._stored:
-            return ""
+    def _write(self, text: str) -> str:
         problem = self._disk.problem(in_place=False)
         if self._disk.tears(ATTACHED):  # the draft is torn, and the file stays as it was
             self._power_goes()
             problem = _BROKEN
-        return f"{self._path} cannot be written: {problem}" if problem else super().save(attached)
+        return problem or super()._write(text)
 
 
 class _Journal(SqliteJournal):

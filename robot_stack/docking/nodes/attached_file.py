@@ -1,4 +1,4 @@
-"""Stores whether a wheelchair is attached, for the controller after a restart."""
+"""Stores what the robot is docked to, for the controller after a restart."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from robot_stack.core.atomic_file import replace_file
 from robot_stack.core.runtime import state_dir
 
 _ATTACHED, _FREE = "attached\n", "free\n"
+_STATION = "station "  # and its id
 
 
 class AttachedFile:
@@ -13,28 +14,46 @@ class AttachedFile:
 
     def __init__(self) -> None:
         self._path = state_dir() / "wheelchair_attached"
-        self._stored: bool | None = None
+        self._stored = ""
 
     def load(self) -> bool:
-        """An unreadable or invalid file counts as attached. Without a file no chair was ever attached."""
-        try:
-            text = self._path.read_text(encoding="ascii")
-        except FileNotFoundError:
-            return False
-        except (OSError, ValueError):
-            return True
-        return text != _FREE
+        """Whether a wheelchair is attached. An unreadable or invalid file counts as attached, none as not."""
+        return self._read() != _FREE and not self.load_station()
 
-    def save(self, attached: bool) -> str:
-        """Writes to the disk if changed. Returns the error, else an empty text."""
-        if attached == self._stored:
+    def load_station(self) -> str:
+        """Id of the station or charger at which the robot is docked, else empty."""
+        text = self._read()
+        return text[len(_STATION) : -1] if text.startswith(_STATION) and text.endswith("\n") else ""
+
+    def _read(self) -> str:
+        try:
+            return self._path.read_text(encoding="utf-8")
+        except FileNotFoundError:
+            return _FREE
+        except (OSError, ValueError):
+            return _ATTACHED
+
+    def save(self, attached: bool, station: str = "") -> str:
+        """Writes to the disk if changed. Returns the error, else an empty text.
+
+        station: as ``load_station``; not kept with a wheelchair attached.
+        """
+        text = _ATTACHED if attached else f"{_STATION}{station}\n" if station else _FREE
+        if text == self._stored:
             return ""
+        problem = self._write(text)
+        if problem:
+            return f"{self._path} cannot be written: {problem}"
+        self._stored = text
+        return ""
+
+    def _write(self, text: str) -> str:
+        """Returns the error, else an empty text."""
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            replace_file(self._path, _ATTACHED if attached else _FREE)
+            replace_file(self._path, text)
         except OSError as error:
-            return f"{self._path} cannot be written: {error.strerror or error}"
-        self._stored = attached
+            return error.strerror or str(error)
         return ""
 
     def forget(self) -> None:

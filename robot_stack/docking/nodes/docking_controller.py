@@ -104,6 +104,11 @@ class DockingControllerNode(StackNode):
         if situation.latch.known and not self._recalled:
             self._recalled = True
             self._controller.recall(self._attached.load())
+            station = self._attached.load_station()
+            if station in self._docks.docks:
+                self._controller.recall_station(station, self._docks.docks[station])
+            elif station:
+                self.get_logger().error(f"docked at {station!r} before the restart, which is no dock any more")
 
     def _publish_latch(self, inputs: LatchInputs) -> None:
         """Published before the latch is commanded, so that subscribers know of the undocking before the latch opens."""
@@ -114,7 +119,7 @@ class DockingControllerNode(StackNode):
 
     def _remember(self) -> None:
         attached = self._controller.attached
-        problem = "" if attached is None else self._attached.save(attached)
+        problem = "" if attached is None else self._attached.save(attached, self._controller.station)
         if problem:
             self.get_logger().error(problem, throttle_duration_sec=1.0)
 

@@ -1,4 +1,4 @@
-"""The file that records an attached wheelchair: an unreadable file counts as attached."""
+"""The file that records what the robot is docked to: an unreadable file counts as an attached wheelchair."""
 
 from __future__ import annotations
 
@@ -29,7 +29,17 @@ def test_round_trip(path: Path, attached: bool) -> None:
     assert [item.name for item in path.parent.iterdir()] == [path.name]
 
 
-@pytest.mark.parametrize("data", [b"", b"fre", b"\xff\xfe", b"attached"])
+def test_station_is_kept_until_it_is_left_or_a_wheelchair_attached(path: Path) -> None:
+    file = AttachedFile()
+    assert file.save(False, "charger") == ""
+    assert (AttachedFile().load(), AttachedFile().load_station()) == (False, "charger")
+    assert file.save(True, "charger") == ""
+    assert (AttachedFile().load(), AttachedFile().load_station()) == (True, "")
+    assert file.save(False) == ""
+    assert (AttachedFile().load(), AttachedFile().load_station()) == (False, "")
+
+
+@pytest.mark.parametrize("data", [b"station", b"station \n", b"", b"fre", b"\xff\xfe", b"attached"])
 def test_invalid_attached_file_loads_as_attached(path: Path, data: bytes) -> None:
     path.parent.mkdir(parents=True)
     path.write_bytes(data)

@@ -515,6 +515,55 @@ def test_at_a_station_another_docking_needs_an_undocking_first() -> None:
     assert "charger" in result.reason
 
 
+def at_charger() -> Bench:
+    return Bench("charger", start=Pose2(1.5, 0.0, 0.0)).docked()
+
+
+@pytest.mark.parametrize("end", ["cancelled", "failed"])
+@pytest.mark.parametrize("restarted", [False, True])
+def test_an_interrupted_undocking_from_a_charger_can_be_finished(end: str, restarted: bool) -> None:
+    bench = at_charger()
+    assert bench.controller.undock(bench.situation()) is None
+    bench.reach(DockingState.SERVOING)
+    bench.run(lambda: False, 1.0)
+    if end == "cancelled":
+        assert bench.controller.cancel() is not None
+    else:
+        bench.safety = emergency()
+        assert bench.run_to_end(1.0).code is UndockCode.SAFETY_STOP
+        bench.safety = Safety(known=True)
+    bench.run(lambda: False, 1.0)
+    assert (bench.state, stands(bench), bench.controller.station) == (DockingState.DOCKED, True, "charger")
+    assert ("emergency stop" if end == "failed" else "cancelled") in bench.outputs[-1].text
+    refused = bench.begin()
+    assert refused is not None
+    assert refused.code is DockCode.ALREADY_ATTACHED
+    if restarted:
+        restart(bench)
+    assert bench.controller.undock(bench.situation()) is None
+    assert bench.run_to_end().success
+    assert (bench.state, bench.controller.station) == (DockingState.IDLE, "")
+    assert bench.begin() is None
+
+
+def restart(bench: Bench) -> None:
+    station = bench.controller.station
+    bench.controller = DockingController(params(), CAMERAS, bench.departure)
+    bench.controller.recall_station(station, bench.dock)
+    bench.step()
+
+
+def test_a_restarted_controller_at_a_charger_is_docked_and_undocks_forwards() -> None:
+    bench = at_charger()
+    restart(bench)
+    assert (bench.state, bench.outputs[-1].text) == (DockingState.DOCKED, "docked")
+    assert bench.outputs[-1].attached is False
+    before = bench.base
+    assert bench.controller.undock(bench.situation()) is None
+    assert bench.run_to_end().success
+    assert bench.base.relative_to(before).x == pytest.approx(0.5, abs=0.02)
+
+
 def test_an_engine_that_cannot_be_read_changes_nothing_about_the_passenger() -> None:
     bench = Bench().docked()
     bench.faults.latch_dead = True
