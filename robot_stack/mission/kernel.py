@@ -266,7 +266,7 @@ class MissionKernel:
         aboard, start = record.passenger_attached, finite(inputs.pose)
         self._speed = route.MeanSpeed(self._params.eta_speed_time_constant_s)
         fresh = Record(record.state, mission, passenger_attached=aboard, start=start, queue=queue)
-        if self._at_dock(inputs):
+        if self._at_charger(inputs):
             return self._begin_docking(Trigger.START_DOCKED, replace(fresh, leaving=True))
         return self._go(trigger, fresh)
 
@@ -323,7 +323,7 @@ class MissionKernel:
         """The robot is docked, but not for a waypoint of its mission: it must undock before it goes on."""
         record = self._record
         due = record.leaving or not (record.docking_begun or docking.at_station(record, self._docks))
-        return self._at_dock(inputs) and record.current is not None and (due or record.safe_place is not None)
+        return self._at_charger(inputs) and record.current is not None and (due or record.safe_place is not None)
 
     def _abort(self, trigger: Trigger = Trigger.ABORT, by: str = "command") -> tuple[Effect, ...]:
         aboard = self._record.passenger_attached
@@ -622,6 +622,14 @@ class MissionKernel:
     def _at_dock(self, inputs: Inputs) -> bool:
         return inputs.docking_state == DockingState.DOCKED and not self._record.passenger_attached
 
+    def _at_charger(self, inputs: Inputs) -> bool:
+        """As ``_at_dock``, also while the docking controller starts: a robot that has stood for a while charges.
+
+        A braking drive charges the battery for a moment, and a full battery shows no charger.
+        """
+        charges = inputs.charging and self._departure.due and not self._record.passenger_attached
+        return self._at_dock(inputs) or charges
+
     def _next_order(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         """Starts the next order of a robot that has no mission, unless a person or the safety has to be waited for."""
         busy = guards.held_in_ride(inputs) or inputs.planned or inputs.setting_out or not inputs.navigation_served
@@ -739,7 +747,7 @@ class MissionKernel:
             return self._stand(Trigger.LOST, _LOST)
         if guards.battery_critical(inputs) and self._record.safe_place is None:
             return self._to_safety(inputs)
-        if docking.undocks_in_place(self._record, self._docks) and self._at_dock(inputs):
+        if docking.undocks_in_place(self._record, self._docks):
             return self._serve(inputs)
         if self._leg.goal_due:
             return self._set_out(current.pose, inputs, dt_s)
@@ -850,6 +858,8 @@ class MissionKernel:
 
     def _wait(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         current = self._record.current
+        if current is None and inputs.manual:
+            return self._stand(Trigger.PAUSE, "driven by hand in the wait for the next part; RESUME goes on")
         if guards.battery_critical(inputs):
             return self._to_safety(inputs)
         if current is None:

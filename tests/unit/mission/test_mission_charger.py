@@ -127,6 +127,22 @@ def test_a_wheelchair_that_latches_at_the_start_is_not_undocked(story):
     assert (story.state, story.calls(), story.goal.x) == (State.RUNNING, [], 2.0)
 
 
+def test_a_robot_that_charges_while_the_docking_controller_starts_stays(story):
+    story.given(docking_state="", charging=True).tick(60.0)
+    story.happens(ev.Command(ev.START_MISSION, make_mission("park"))).tick(5.0)
+    assert (story.state, story.goals(), story.calls()) == (State.UNDOCKING, [], [])
+    story.given(docking_state="IDLE").tick(5.0)
+    assert story.calls() == [("undock", "")]
+    story.ends(False, "nothing is attached").tick(60.0)
+    assert (story.state, story.goals()) == (State.FAILED, [])
+
+
+def test_a_drive_that_brakes_and_charges_the_battery_is_at_no_charger(story):
+    story.start("park").at(1.0, speed=0.5).tick(1.0).command(ev.PAUSE).at(1.1).given(charging=True).tick()
+    story.command(ev.RESUME)
+    assert (story.state, story.calls()) == (State.RUNNING, [])
+
+
 # --- the battery becomes critical ------------------------------------------------------------------------------------
 
 

@@ -10,6 +10,7 @@ from robot_stack.contract.display import Display
 from robot_stack.contract.states import HeldBy
 from robot_stack.core.geometry import Twist2
 from robot_stack.mission import events as ev
+from robot_stack.mission.orders import Operation
 from robot_stack.mission.record import Record, problem_of
 from robot_stack.mission.states import State
 
@@ -123,10 +124,35 @@ def test_an_open_route_waits_at_a_station_and_goes_on_with_the_undocking(story):
     assert story.tick(5.0).queues[-1].held_by is HeldBy.NOTHING
 
 
-def test_a_robot_that_left_the_station_by_other_means_drives_to_the_undocking(story):
-    story.start(CHARGE, "undock", "park").reach(2.0).tick().accept().ends(True).departs()
-    assert (story.state, story.goals()[-1]) == (State.RUNNING, 4.0)
-    story.reach(4.0).tick()
+@pytest.mark.parametrize("charging", [True, False])
+def test_no_robot_drives_out_of_a_station_whatever_the_docking_controller_reports(story, charging):
+    """A full battery does not charge, and a docking controller that has just started reports IDLE."""
+    story.brings(CHARGE).reach(2.0).tick().accept().given(docking_state="DOCKED", charging=charging).ends(True)
+    story.given(docking_state="IDLE").tick(60.0)
+    story.extends("undock", "park", first=1, more_follows=False).tick(5.0)
+    assert (story.goals(), story.calls()[-1]) == ([2.0], ("undock", "charger"))
+    story.ends(False, "nothing is attached").tick(60.0)
+    assert (story.state, story.goals()) == (State.FAILED, [2.0])
+    assert story.status.reason == "undocking from charger failed: nothing is attached"
+
+
+def test_no_robot_drives_out_of_a_station_after_a_restart(params, story):
+    story.start(CHARGE, "undock", "park").reach(2.0).tick().accept().given(docking_state="DOCKED").ends(True)
+    again = DockStory(params, story.journal.records[-1]).at(2.0)
+    assert again.state is State.PAUSED
+    again.command(ev.RESUME).tick(5.0)
+    assert (again.goals(), again.calls()) == ([], [("undock", "charger")])
+
+
+def test_a_robot_that_is_driven_by_hand_in_the_wait_at_a_charger_is_resumed_by_a_person_only(story):
+    story.brings(CHARGE).reach(2.0).tick().accept().given(docking_state="DOCKED").ends(True).tick(1.0)
+    story.given(manual=True).at(5.0).tick(1.0).given(manual=False).tick(5.0)
+    assert (story.state, story.queues[-1].paused_by) == (State.PAUSED, None)
+    assert story.status.reason == "driven by hand in the wait for the next part; RESUME goes on"
+    story.extends("undock", "park", first=1, more_follows=False).tick(60.0)
+    assert story.asks(Operation.RESUME).answer.success is False
+    assert (story.state, story.goals(), len(story.calls())) == (State.PAUSED, [2.0], 1)
+    story.command(ev.RESUME).tick(5.0)
     assert story.calls()[-1] == ("undock", "charger")
 
 
