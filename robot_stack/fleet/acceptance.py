@@ -9,7 +9,7 @@ from robot_stack.contract.states import HeldBy
 from robot_stack.core.geometry import Pose2
 from robot_stack.fleet import codec, progress
 from robot_stack.fleet.errors import ErrorType
-from robot_stack.fleet.instant import without_ended
+from robot_stack.fleet.instant import leaves_charger, without_ended
 from robot_stack.fleet.order import Action, Node, Order
 from robot_stack.fleet.record import RESULT_LENGTH, ActionState, GraphPart, OrderRecord, Phase, Record, digest
 from robot_stack.fleet.robot import RobotView
@@ -144,6 +144,8 @@ def _update(record: Record, current: OrderRecord, order: Order, robot: RobotView
         raise order.refused(ErrorType.UPDATE_AFTER_CANCEL, f"the order {how}: send a new order")
     if current.charging:
         raise order.refused(ErrorType.ORDER_UPDATE, "the order ends with startCharging: send stopCharging first")
+    if leaves_charger(record):
+        raise order.refused(ErrorType.ORDER_UPDATE, "the robot leaves the charger: wait for the end of stopCharging")
     first = order.nodes[0]
     if (first.id, first.sequence_id) != current.decision:
         node, number = current.decision

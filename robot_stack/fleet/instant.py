@@ -151,10 +151,10 @@ def updated(record: Record, robot: RobotView, standing: bool, pose_given: bool |
                     state = _finished(state)
                 case "startPause" if not under_way:
                     state = _failed(state, "the order ended before")
-                case "stopCharging" if order is not None and order.phase is Phase.COMPLETED:
-                    state = _finished(state)
-                case "stopCharging" if not under_way:
+                case "stopCharging" if order is None or order.phase in (Phase.CANCELLED, Phase.ABORTED):
                     state = _failed(state, "the order ended before")
+                case "stopCharging" if order is not None and not progress.leaves_charger(order, state.id):
+                    state = _finished(state)
                 case "stopPause" if paused_by != FLEET:
                     state = _finished(state)
                 case "initPosition" | "initializePosition" if pose_given:
@@ -163,6 +163,11 @@ def updated(record: Record, robot: RobotView, standing: bool, pose_given: bool |
                     state = _failed(state, "the agent was restarted before it set the pose")
         states.append(state)
     return _replaced(record, tuple(states))
+
+
+def leaves_charger(record: Record) -> bool:
+    """A stopCharging is under way."""
+    return any(state.type == "stopCharging" and not state.status.ended for state in record.instant)
 
 
 def refused_by_manager(record: Record, kind: str, why: str) -> Record:

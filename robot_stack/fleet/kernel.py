@@ -98,7 +98,7 @@ class FleetKernel:
         standing = self._stands(robot)
         if robot.queue is not None and robot.queue.held_by == HeldBy.MANUAL:
             self.record = instant.cancelled_by_robot(self.record, "the robot was driven by hand")
-        self.record = progress.followed(self.record, robot)
+        self._follow(robot, standing)  # the end of an order, before another one takes its place
         left_bytes = self._params.limits.message_bytes
         for _ in range(min(len(self._inbox), self._params.limits.messages_per_tick)):
             topic, payload = self._inbox.popleft()
@@ -106,14 +106,17 @@ class FleetKernel:
             left_bytes -= len(payload)  # the schema's check of long messages takes long
             if left_bytes <= 0:
                 break
-        self.record = progress.followed(self.record, robot)
-        pose_given = self._pose_given if self._outputs.pose is None else None
-        self.record = instant.updated(self.record, robot, standing, pose_given)
+        self._follow(robot, standing)
         if self._vehicle.version is Version.V3:
             self._follow_mode(robot)
         self._ask(now_s)
         self._publish(robot, standing, now_s, unix_s)
         self._reserve()
+
+    def _follow(self, robot: RobotView, standing: bool) -> None:
+        self.record = progress.followed(self.record, robot)
+        pose_given = self._pose_given if self._outputs.pose is None else None
+        self.record = instant.updated(self.record, robot, standing, pose_given)
 
     def take(self) -> Outputs:
         """The outputs; call it once the record is on the disk."""

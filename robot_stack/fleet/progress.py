@@ -52,7 +52,7 @@ def with_stops(order: OrderRecord, stops: tuple[Stop, ...]) -> OrderRecord:
     if part is None or part.ended or not part.open or order.waiting:
         order = order.model_copy(update={"waiting": (*order.waiting, *stops)})
         return _next_part(order) if part is None or part.ended else order
-    fits = stops[: MAX_WAYPOINTS - len(part.stops)]
+    fits = stops[: max(_longest(order) - len(part.stops), 0)]
     rest = stops[len(fits) :]
     longer = part.model_copy(update={"stops": (*part.stops, *fits), "open": order.open_end and not rest})
     return order.model_copy(update={"part": longer, "waiting": rest})
@@ -66,6 +66,18 @@ def leaving_charger(order: OrderRecord, action_id: str) -> OrderRecord:
     return with_stops(order.model_copy(update={"charging": False}), (out, back))
 
 
+def leaves_charger(order: OrderRecord, action_id: str) -> bool:
+    """The way of ``leaving_charger`` is not done yet."""
+    part = order.part
+    ahead = part.stops[max(part.done - 1, 0) :] if part is not None else ()  # with the undocking before the way back
+    return any(stop.action == action_id for stop in (*ahead, *order.waiting))
+
+
+def _longest(order: OrderRecord) -> int:
+    """Of a part: at a charger the way out belongs to the same one, which stays open."""
+    return MAX_WAYPOINTS - 2 if order.charging else MAX_WAYPOINTS
+
+
 def _next_part(order: OrderRecord) -> OrderRecord:
     """Begins with what waits. Unchanged if nothing does."""
     if not order.waiting:
@@ -73,7 +85,8 @@ def _next_part(order: OrderRecord) -> OrderRecord:
     number = order.part_number + 1
     slug = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in order.id.lower())
     name = f"fleet_{order.accepted_ms:x}_{number}_{slug[:_LONGEST_SLUG]}"
-    stops, rest = order.waiting[:MAX_WAYPOINTS], order.waiting[MAX_WAYPOINTS:]
+    longest = _longest(order)
+    stops, rest = order.waiting[:longest], order.waiting[longest:]
     part = Part(id=name, stops=stops, open=order.open_end and not rest)
     return order.model_copy(update={"part": part, "part_number": number, "waiting": rest})
 
@@ -110,11 +123,12 @@ def answered(order: OrderRecord, request: Request, success: bool, text: str) -> 
             return _ended(order, Phase.CANCELLED, order.reason)
         return order.model_copy(update={"cancel_refused": True})
     if success:
-        taken = part.model_copy(update={"acknowledged": part.sent, "acknowledged_open": part.sent_open})
+        taken = part.model_copy(update={"acknowledged": part.sent, "acknowledged_open": part.sent_open, "refusal": ""})
         return order.model_copy(update={"part": taken})
     if request.operation is Operation.ADD:
         return _ended(order, Phase.ABORTED, f"the mission manager refused the order: {text}")
-    return order  # an EXTEND: refused for the moment, or the route has ended
+    # An EXTEND. Whether only for the moment, no answer says: it is repeated, and the master may cancel the order.
+    return order.model_copy(update={"part": part.model_copy(update={"refusal": shortened(text)})})
 
 
 # --- progress --------------------------------------------------------------------------------------------------------

@@ -61,7 +61,8 @@ class Part(Config):
 
     stops: the route as far as it is known. open: it may be extended. sent, acknowledged: how many of the stops the
     mission manager was given and has taken, NOT_SENT before the order; likewise sent_open, acknowledged_open.
-    seen: the mission manager has shown it. done: how many stops are completed.
+    seen: the mission manager has shown it. done: how many stops are completed. refusal: of the newest extension by the
+    mission manager, empty once it is taken.
     """
 
     id: str
@@ -74,6 +75,7 @@ class Part(Config):
     seen: bool = False
     done: int = 0
     ended: bool = False
+    refusal: str = ""
 
     @property
     def pending(self) -> bool:

@@ -160,8 +160,14 @@ def _own_errors(record: Record, robot: RobotView, version: Version) -> list[Erro
         text = f"the oldest of more than {MAX_STATES} instant actions are forgotten"
         errors.append(Error(ErrorType.INSTANT_STATES_FULL, text, hint="send clearInstantActions"))
     order = record.order
-    if order is not None and order.phase is Phase.ABORTED:
-        references = (("orderId", order.id), ("orderUpdateId", str(order.update_id)), ("nodeId", record.last_node))
+    if order is None:
+        return errors
+    references: tuple[tuple[str, str], ...] = (("orderId", order.id), ("orderUpdateId", str(order.update_id)))
+    if order.phase is Phase.ACTIVE and order.part is not None and order.part.refusal:
+        text = f"the mission manager does not take the update: {order.part.refusal}"
+        errors.append(Error(ErrorType.ORDER_UPDATE, text, references, "cancel the order, or wait: it is asked again"))
+    if order.phase is Phase.ABORTED:
+        references = (*references, ("nodeId", record.last_node))
         hint = "staff look after the robot and release the queue; then send a new order"
         ready = version is Version.V3 and mode_of(robot, order) is Mode.AUTOMATIC
         level = Level.CRITICAL if ready else Level.FATAL

@@ -74,6 +74,64 @@ def test_at_the_charger_no_other_order_update_or_cancellation_is_accepted(docked
     assert docked.manager.current
 
 
+def test_an_update_waits_until_the_robot_has_left_the_charger(docked: Bench) -> None:
+    docked.instant(STOP)
+    update = order([node("charger", 4, 4.0), node("b", 6, 2.0)], update=1)
+    assert error_types(docked.order(update)) == docked.named(ErrorType.ORDER_UPDATE)
+    assert "leaves the charger" in docked.state["errors"][0]["errorDescription"]
+    docked.serve()  # undocked, and on the way back
+    assert error_types(docked.order(update)) == docked.named(ErrorType.ORDER_UPDATE)
+    docked.serve()
+    assert error_types(docked.order(update)) == []
+    assert statuses(docked.state)["stop"] == "FINISHED"
+    assert docked.serve(2)["lastNodeId"] == "b"
+
+
+def test_stop_charging_ends_before_another_order_takes_the_place_of_its_own(docked: Bench) -> None:
+    docked.instant(STOP)
+    docked.manager.serve()
+    docked.manager.serve()
+    docked.robot = replace(docked.robot, pose=replace(docked.robot.pose, x=4.0))
+    docked.receive(order([node("charger", 0, 4.0), node("b", 2, 2.0)], "next"))
+    docked.tick()
+    state = docked.tick()
+    assert state["orderId"] == "next"
+    assert statuses(state).get("stop", "FINISHED") == "FINISHED"
+
+
+def test_cancelling_on_the_way_out_stops_the_robot_and_fails_stop_charging(docked: Bench) -> None:
+    docked.instant(STOP)
+    docked.instant(action("cancelOrder", "cancel"))
+    found = statuses(docked.tick())
+    assert (found["stop"], found["cancel"]) == ("FAILED", "FINISHED")
+
+
+@pytest.mark.parametrize(("count", "updated"), [(253, False), (254, False), (254, True)])
+def test_the_way_out_of_the_charger_belongs_to_the_part_that_leads_in(bench: Bench, count: int, updated: bool) -> None:
+    """count: waypoints of the base, with the docking."""
+    nodes = [node(f"n{i}", 2 * i, 0.1 * i) for i in range(count)]
+    nodes[-1]["actions"] = [START]
+    split = 200 if updated else 0
+    if updated:
+        ahead = [entry | {"released": i < split} for i, entry in enumerate(nodes[: split + 1])]
+        bench.order(order(ahead))
+        bench.order(order(nodes[split - 1 :], update=1))
+    else:
+        bench.order(order(nodes))
+    for _ in range(3):  # parts
+        for _ in range(count):
+            bench.manager.serve()
+        bench.tick()
+        bench.tick()
+    assert statuses(bench.state) == {"start": "FINISHED"}
+    assert bench.manager.current, "the order stays open"
+    bench.instant(STOP)
+    last = bench.manager.orders[bench.manager.added[-1]]
+    assert [stop.kind for stop in last[-3:]] == [Kind.DOCK, Kind.UNDOCK, Kind.PARK]
+    assert all(len(stops) <= 254 for stops in bench.manager.orders.values())
+    assert statuses(bench.serve(2))["stop"] == "FINISHED"
+
+
 def test_stop_charging_needs_a_robot_that_charges_by_an_order(bench: Bench) -> None:
     assert statuses(bench.instant(STOP))["stop"] == "FAILED"
     bench.order(to_charger())

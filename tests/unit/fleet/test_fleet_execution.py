@@ -177,11 +177,28 @@ def test_an_extension_that_is_refused_for_the_moment_is_repeated(bench: Bench) -
     edit = bench.manager.edit
     bench.manager.edit = lambda request: (False, "emergency stop")  # type: ignore[method-assign]
     bench.order(order(route("b", "c", first=2, x=2.0), update=1))
+    assert error_types(bench.tick()) == bench.named(ErrorType.ORDER_UPDATE)
+    assert "emergency stop" in bench.state["errors"][0]["errorDescription"]
     bench.manager.edit = edit  # type: ignore[method-assign]
     for _ in range(3):
         bench.tick()
     assert node_ids(bench.serve(3)) == []
+    assert bench.state["errors"] == []
     assert len(bench.manager.added) == 1
+
+
+def test_an_order_whose_extension_is_refused_for_good_can_be_cancelled(bench: Bench) -> None:
+    bench.order(order(route("a", "b", "c", horizon=1)))
+    refused = "waypoint '4.0 c': the footprint lies in the keepout zone 'pond'"
+    bench.manager._extend = lambda request: (False, refused)  # type: ignore[method-assign]
+    bench.order(order(route("b", "c", first=2, x=2.0), update=1))
+    for _ in range(10):
+        bench.tick()
+    assert error_types(bench.state) == bench.named(ErrorType.ORDER_UPDATE)
+    assert refused in bench.state["errors"][0]["errorDescription"]
+    bench.instant(action("cancelOrder", "cancel"))
+    assert statuses(bench.tick())["cancel"] == "FINISHED"
+    assert bench.state["errors"] == []
 
 
 def test_an_update_that_comes_with_the_end_of_the_route_becomes_the_next_order(bench: Bench) -> None:
