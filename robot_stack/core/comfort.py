@@ -43,7 +43,7 @@ class ComfortParams(Config):
 class Comfort:
     """weighted_mps2: rms of x, y (weighting Wd) and z (Wk), m/s2. jerk_p99_mps3: of the horizontal acceleration.
 
-    duration_s: of the motion that was evaluated.
+    duration_s: of the motion that was evaluated, without stops.
     """
 
     weighted_mps2: tuple[float, float, float]
@@ -65,7 +65,8 @@ class ComfortMeter:
         self._moved: list[bool] = []
         self._last_s = -math.inf
         self._squares = np.zeros(3)
-        self._blocks = 0
+        self._blocks = self._stretches = 0
+        self._block_before = False  # in this stretch: the next one overlaps it by a half
         self._sum = np.zeros(2)
         self._recent: deque[tuple[float, float]] = deque(maxlen=_JERK_SAMPLES + 1)
         self._means: deque[F64] = deque(maxlen=_JERK_SAMPLES + 1)
@@ -84,6 +85,7 @@ class ComfortMeter:
         self._last_s = stamp_s
         if gap or not moves:
             self._samples.clear()
+            self._block_before = False
             self._means.clear()
             self._recent.clear()
         if not moves or not all(map(math.isfinite, (*acceleration_mps2, *rotation_radps))):
@@ -93,6 +95,8 @@ class ComfortMeter:
         if len(self._samples) == _BLOCK:
             self._squares += weighted_squares(np.array(self._samples), self._seat)
             self._blocks += 1
+            self._stretches += not self._block_before
+            self._block_before = True
             del self._samples[: _BLOCK // 2]
 
     def comfort(self) -> Comfort | None:
@@ -102,7 +106,7 @@ class ComfortMeter:
         x, y, z = np.sqrt(self._squares / self._blocks).tolist()
         share = np.cumsum(self._jerks) / max(int(self._jerks.sum()), 1)
         jerk = _JERK_BIN_MPS3 * (int(np.searchsorted(share, 0.99)) + 1)
-        return Comfort((x, y, z), jerk, 0.5 * _BLOCK / _RATE_HZ * (self._blocks + 1))
+        return Comfort((x, y, z), jerk, 0.5 * _BLOCK / _RATE_HZ * (self._blocks + self._stretches))
 
     def _add_jerk(self, x: float, y: float) -> None:
         """Change of the mean acceleration of 0.2 s within 0.2 s."""

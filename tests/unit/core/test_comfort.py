@@ -28,6 +28,15 @@ def ridden(acceleration: Motion = still, rotation: Motion = still, duration_s: f
     return meter.comfort()
 
 
+def test_the_duration_counts_each_stretch_between_two_stops() -> None:
+    meter = ComfortMeter(SEAT)
+    for count in range(2400):  # 6 s of motion, 2 s of rest
+        meter.add(0.01 * count, (0.0, 0.0, GRAVITY), (0.0, 0.0, 0.0), moves=count % 800 < 600)
+    comfort = meter.comfort()
+    assert comfort is not None
+    assert comfort.duration_s == pytest.approx(3 * 5.12)
+
+
 @pytest.mark.parametrize(
     ("frequency_hz", "vertical", "horizontal"),
     [
