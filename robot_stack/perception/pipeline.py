@@ -103,14 +103,16 @@ class Pipeline:
     def overhead(self, points: Points, stamp_s: float) -> None:
         """A frame of the overhead LiDAR: adds its obstacles to the next scenes and its rays to the space model."""
         if self._overhead is not None:
+            pose = self._pose_at(stamp_s)
             look = self._overhead.take(points, stamp_s, self.chair, self._lean)
-            self._observe(self._overhead.near(look), look, self.motion.pose_at(stamp_s), self._overhead_trackers)
+            self._observe(self._overhead.near(look), look, pose, self._overhead_trackers)
 
     def scene(self, points: Points, stamp_s: float, obstructed: NDArray[np.bool_] | None = None) -> Scene:
         """Obstacles of the points and of the model of the space, which every sweep updates.
 
         obstructed: (DIRECTIONS,) of the ``Watch``: adds an obstacle close to the robot in these directions.
         """
+        pose = self._pose_at(stamp_s)
         xyz, broken = self.points(points, stamp_s)
         seen = self.segment(xyz, self.motion.attitude_at(stamp_s))
         params = self._params.obstacles
@@ -124,7 +126,6 @@ class Pipeline:
             obstacles = self._chair_edges.without_sparse(obstacles, filter_params, filter_params.points_min)
         obstacles = np.concatenate([obstacles, self._edges(seen.profile)])
         fresh = voxels(obstacles, params.voxel_m, params.far_m, params.far_column_m)
-        pose = self.motion.pose_at(stamp_s)
         look = self._views.view(stamp_s, seen.sensor_m, seen.tilt, fresh, seen.points, seen.profile)
         if self.chair:
             look = self._chair_edges.without(look)
@@ -147,6 +148,13 @@ class Pipeline:
         trackers = self._trackers.walking, self._overhead_trackers.walking
         bodies = [body for tracker in trackers for body in tracker.bodies(stamp_s)]
         return self._people.look(stamp_s, self.space.grid(), bodies)
+
+    def _pose_at(self, stamp_s: float) -> Pose2:
+        """base_link in odom; a restart of odometry clears all stored observations, whose frame was another."""
+        pose = self.motion.pose_at(stamp_s)
+        if self.space.has_jumped(pose):
+            self.forget()
+        return pose
 
     def _observe(self, look: View, wide_look: View, pose: Pose2, trackers: Trackers) -> None:
         """wide_look: for the grid of fast bodies. trackers: those of the same sensor. A lost fast body is not stored:

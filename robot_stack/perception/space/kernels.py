@@ -160,6 +160,7 @@ def stand(
     hit_s: Floats,
     hit_at_m: Floats,
     since_s: Floats,
+    stood_s: Floats,
     ray_s: Floats,
     ray_m: Float,
     last: Float,
@@ -172,7 +173,10 @@ def stand(
     travel_m: float,
 ) -> None:
     """Makes the cells of points (n, 3), x and y in odom, occupied where no ray lower than ``below_m`` has passed since
-    ``unwatched_s``."""
+    ``unwatched_s``.
+
+    They count as observed in ``hit_s``, without a return. stood_s: (rows, columns) when a cell became occupied so.
+    """
     rows, columns = state.shape
     for i in range(len(points)):
         across, along = points[i, 0] / cell_m - corner[0], points[i, 1] / cell_m - corner[1]
@@ -184,7 +188,7 @@ def stand(
         if state[row, column] != OCCUPIED:
             last[row, column, 2], thing_m[row, column], under_m[row, column] = points[i, 2], points[i, 2], 0.0
             last[row, column, 0], last[row, column, 1] = across - column, along - row
-            since_s[row, column], hit_s[row, column] = -math.inf, now_s
+            since_s[row, column], hit_s[row, column], stood_s[row, column] = -math.inf, now_s, now_s
         state[row, column], passes[row, column], hit_at_m[row, column] = OCCUPIED, 0, travel_m
 
 

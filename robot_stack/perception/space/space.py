@@ -34,7 +34,8 @@ _HIDDEN_M = 1.6  # before an attached chair, an object 0.25 m high is hidden for
 @dataclass(frozen=True, slots=True)
 class SpaceGrid:
     """state: (rows, columns) -1 unseen, 0 free, 100 occupied, row 0 at the lowest y. corner_m: lower left, odom.
-    hit_s: (rows, columns) time of the last return, -inf without one. since_s: (rows, columns) when it became occupied.
+    hit_s: (rows, columns) time of the last return, -inf without one, as where a body may be that got hidden.
+    since_s: (rows, columns) when it became occupied.
     """
 
     state: Cells
@@ -59,6 +60,7 @@ class Space:
         self._hit_s, self._hit_at_m, self._watched_s, self._ray_s, self._since_s, self._freed_s, self._held_s = (
             np.full((count, count), -math.inf) for _ in range(7)
         )
+        self._stood_s = np.full((count, count), -math.inf)
         self._limits = np.array(
             [
                 params.passes,
@@ -94,6 +96,10 @@ class Space:
         """Makes all cells unseen."""
         self._state[:] = UNSEEN
         self._pose, self._newest_s = None, -math.inf
+
+    def has_jumped(self, pose: Pose2) -> bool:
+        """True if odometry, with base_link at ``pose``, has restarted since the newest view."""
+        return self._pose is not None and pose.distance_to(self._pose) > self._params.jump_m
 
     def observe(self, view: View, pose: Pose2) -> None:
         """Adds a view of a sensor; base_link was at ``pose`` at its stamp.
@@ -299,7 +305,7 @@ class Space:
         at[:, 2] = np.minimum(at[:, 2], shows_m + p.top_margin_m)
         kernels.stand(
             *(self._state, self._passes, self._thing_m, self._under_m, self._hit_s, self._hit_at_m, self._since_s),
-            *(self._ray_s, self._ray_m),
+            *(self._stood_s, self._ray_s, self._ray_m),
             self._last,
             self._corner,
             p.cell_m,
@@ -328,12 +334,13 @@ class Space:
     def grid(self) -> SpaceGrid:
         """The present grid; the arrays change with the next view."""
         x, y = (float(self._corner[axis] * self._params.cell_m) for axis in (0, 1))
-        return SpaceGrid(self._state, (x, y), self._params.cell_m, self._hit_s, self._since_s)
+        returned_s = np.where(self._hit_s == self._stood_s, -math.inf, self._hit_s)
+        return SpaceGrid(self._state, (x, y), self._params.cell_m, returned_s, self._since_s)
 
     def _move_to(self, pose: Pose2, stamp_s: float) -> None:
         before = self._pose
-        if before is not None and pose.distance_to(before) > self._params.jump_m:
-            self.forget()  # odometry restarted
+        if self.has_jumped(pose):
+            self.forget()
         elif before is not None:
             self._travel_m += self._way_m(before, pose)
         if before is None or self._stands_at is None or self._way_m(self._stands_at, pose) > _STANDS_M:
@@ -363,6 +370,7 @@ class Space:
             self._watched_s = rolled(self._watched_s, rows, columns, -math.inf)
             self._freed_s = rolled(self._freed_s, rows, columns, -math.inf)
             self._held_s = rolled(self._held_s, rows, columns, -math.inf)
+            self._stood_s = rolled(self._stood_s, rows, columns, -math.inf)
             self._ray_s = rolled(self._ray_s, rows, columns, -math.inf)
             self._ray_m = rolled(self._ray_m, rows, columns, 0.0)
 
