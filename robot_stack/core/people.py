@@ -18,7 +18,8 @@ class Person:
     number: of the track. radius_m: of a circle in its place. box: least x, y and greatest x, y of its cells at stamp_s,
     None without cells of its own. sigma_m, sigma_mps: standard deviations of place and velocity along each axis.
     sightings: grids with a detection. walks: a moving body. walked: has walked, so this is a person and not an
-    object of that size. apart_s: the last stamp at which nothing else touched the person.
+    object of that size. apart_s: the last stamp at which nothing else touched the person, or at which a walker
+    touched an object without having been in a group before.
     """
 
     stamp_s: float
@@ -38,7 +39,7 @@ class Person:
 
     @property
     def in_group(self) -> bool:
-        """Nothing separates the person from others, or from an object."""
+        """Nothing separates the person from others who stand, or from an object."""
         return self.stamp_s > self.apart_s
 
     @property

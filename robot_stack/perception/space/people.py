@@ -9,8 +9,8 @@ does not return is no part of a cluster.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,6 @@ from robot_stack.perception.space.moving_objects import MovingBody
 from robot_stack.perception.space.space import SpaceGrid
 
 Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 # Share of a cluster's cells at its people.
 _EXPLAINED = 0.8
 # Cells of someone hidden, at least; fewer returns there may be noise.
@@ -31,6 +30,15 @@ _CELLS = 4
 # For so long someone who has arrived still counts as walking.
 _ARRIVES_S = 1.5
 _JOINED = np.ones((3, 3), np.int8)
+
+
+@dataclass(frozen=True, slots=True)
+class _Cells:
+    """points: (n, 2) odom. age_s: (n,) since the last return. since_s: (n,) when they became occupied."""
+
+    points: Floats
+    age_s: Floats
+    since_s: Floats
 
 
 class People:
@@ -52,9 +60,9 @@ class People:
         """
         if any(stamp_s < one.stamp_s for one in self.people):
             self.forget()
-        bodies = self._apart(bodies)
-        found, alone = self._in_clusters(stamp_s, grid, bodies)
-        found += [self._of_body(stamp_s, body) for body in alone]
+        small = self._apart(body for body in bodies if max(body.extent_m) <= self._params.max_size_m)
+        large = self._apart(body for body in bodies if max(body.extent_m) > self._params.max_size_m)
+        found = self._found(stamp_s, grid, [self._of_body(stamp_s, body) for body in small], large)
         matches = self._matched(found)
         now = [
             self._continued(self.people[matches[i]], seen) if i in matches else self._new(seen)
@@ -79,90 +87,121 @@ class People:
         returned = kept & (grid.hit_s[r0:r1, c0:c1] >= stamp_s - self._params.fresh_s)
         return int(np.count_nonzero(kept)) >= _CELLS > int(np.count_nonzero(returned))
 
-    def _apart(self, bodies: Sequence[MovingBody]) -> list[MovingBody]:
-        """Without larger ones, which stay obstacles, and those that another sensor tracks with less uncertainty."""
+    def _apart(self, bodies: Iterable[MovingBody]) -> list[MovingBody]:
+        """Without those that another sensor tracks with less uncertainty."""
         kept: list[MovingBody] = []
         for body in sorted(bodies, key=lambda body: body.sigma_m):
-            if max(body.extent_m) <= self._params.max_size_m and all(
-                math.hypot(body.x - one.x, body.y - one.y) > self._params.body_gate_m for one in kept
-            ):
+            if all(math.hypot(body.x - one.x, body.y - one.y) > self._params.body_gate_m for one in kept):
                 kept.append(body)
         return kept
 
-    def _in_clusters(
-        self, stamp_s: float, grid: SpaceGrid, bodies: list[MovingBody]
-    ) -> tuple[list[Person], list[MovingBody]]:
-        """Returns the people in clusters of occupied cells, and the bodies that are in none that people explain."""
+    def _found(self, stamp_s: float, grid: SpaceGrid, walkers: list[Person], large: list[MovingBody]) -> list[Person]:
+        """Returns the people in clusters of occupied cells, and the walkers that are in none that people explain.
+
+        walkers: by the moving bodies of a person's size. large: moving bodies that are larger.
+        """
         p, size_m = self._params, grid.cell_m
         occupied = (grid.state == OCCUPIED) & (grid.hit_s >= stamp_s - p.fresh_s)
         # A side seen at a flat angle breaks into pieces: cells nearer than a person's width are one object.
         joined = ndimage.binary_dilation(occupied, _JOINED, max(1, round(p.join_m / 2.0 / size_m)))
         labels, _ = ndimage.label(joined, structure=_JOINED)
         standing = [one for one in self.people if one.walked and stamp_s - one.apart_s <= p.group_s]
+        together = self._together(stamp_s, standing, walkers, large)
         found: list[Person] = []
-        alone = list(bodies)
+        alone = list(walkers)
         for index, window in enumerate(ndimage.find_objects(labels), start=1):
             rows, columns = np.nonzero((labels[window] == index) & occupied[window])
             points = np.column_stack((columns + window[1].start, rows + window[0].start)) + 0.5
             points = np.array(grid.corner_m) + size_m * points
-            since_s = grid.since_s[window][rows, columns]
-            moving = [body for body in alone if float(_away(points, body, 0.0).min()) <= p.join_m]
-            if moving or _size_m(points, size_m) > p.max_size_m:
-                people = self._explaining(stamp_s, points, size_m, moving, standing)
-                if not people:
-                    found += self._beside_objects(stamp_s, points, since_s, size_m, moving, standing)
-                else:
-                    alone = [body for body in alone if body not in moving]
-                    found += people
+            cells = _Cells(points, stamp_s - grid.hit_s[window][rows, columns], grid.since_s[window][rows, columns])
+            moving, beside = (
+                [one for one in some if float(_away(points, one, 0.0).min()) <= p.join_m] for some in (alone, together)
+            )
+            is_large = _size_m(points, size_m) > p.max_size_m
+            people = list[Person]()
+            if moving or beside or is_large:
+                people = self._explaining(stamp_s, cells, size_m, moving, beside, standing)
+            if people:
+                alone = [one for one in alone if one not in moving]
+                together = [one for one in together if one not in beside]
+                found += people
+            elif moving or is_large:
+                found += self._beside_objects(stamp_s, cells, size_m, moving, standing)
             elif _size_m(points, size_m) >= p.min_size_m:
                 found.append(self._seen(stamp_s, stamp_s, points, size_m))
-        return found, alone
+        return found + alone
+
+    def _together(
+        self, stamp_s: float, standing: list[Person], walkers: list[Person], large: list[MovingBody]
+    ) -> list[Person]:
+        """Those of ``standing`` whom a larger moving body covers, with its velocity.
+
+        The tracker of moving bodies sees walkers who come together as one body.
+        """
+        p, found = self._params, list[Person]()
+        for one in standing:
+            x, y = one.at(stamp_s)
+            if any(math.hypot(x - other.x, y - other.y) <= p.body_gate_m for other in walkers):
+                continue
+            for body in large:
+                dx, dy = abs(x - body.x) - 0.5 * body.extent_m[0], abs(y - body.y) - 0.5 * body.extent_m[1]
+                if max(dx, dy) <= p.join_m:
+                    walker = replace(self._of_body(stamp_s, body), x=x, y=y, radius_m=one.radius_m, number=one.number)
+                    found.append(walker)
+                    break
+        return found
 
     def _explaining(
-        self, stamp_s: float, points: Floats, size_m: float, moving: list[MovingBody], standing: list[Person]
+        self,
+        stamp_s: float,
+        cells: _Cells,
+        size_m: float,
+        moving: list[Person],
+        together: list[Person],
+        standing: list[Person],
     ) -> list[Person]:
-        """People in a cluster of cells at (n, 2) points, that together explain it; none if they do not.
+        """People in a cluster of cells that together explain it; none if they do not.
 
         A person beside an object is not found in it, since the object would be taken for the person once that is gone.
         """
-        p = self._params
-        standing = [one for one in standing if not any(_is_at(one, body, stamp_s, p.gate_m) for body in moving)]
-        if not moving and not standing:
+        p, points, walkers = self._params, cells.points, moving + together
+        standing = [one for one in standing if not any(_is_at(one, other, stamp_s, p.gate_m) for other in walkers)]
+        if not walkers and not standing:
             return []
-        away_m = [_away(points, body, p.fresh_s) for body in moving]
+        away_m = [_away(points, one, p.fresh_s) for one in walkers]
         away_m += [np.hypot(*(points - one.at(stamp_s)).T) for one in standing]
         nearest, near = np.argmin(away_m, axis=0), np.min(away_m, axis=0) <= p.max_radius_m
         if np.count_nonzero(near) < _EXPLAINED * len(points):
             return []
         found = list[Person]()
-        for k in range(len(away_m)):
-            piece = points[(nearest == k) & near]
+        for k, one in enumerate(walkers + standing):
+            own = (nearest == k) & near
+            piece = points[own]
             if len(piece) == 0 or _size_m(piece, size_m) < p.min_size_m:
                 continue
             if k < len(moving):
-                found.append(replace(self._of_body(stamp_s, moving[k]), apart_s=stamp_s, box=_box(piece, size_m)))
+                found.append(replace(one, apart_s=stamp_s, box=_box(piece, size_m)))
+            elif k < len(walkers):
+                # Each return is as old as the way that the person has gone since.
+                x, y = (piece + cells.age_s[own, None] * (one.vx, one.vy)).mean(axis=0).tolist()
+                found.append(replace(one, x=x, y=y, apart_s=stamp_s, box=_box(piece, size_m)))
             else:
-                found.append(self._seen(stamp_s, standing[k - len(moving)].apart_s, piece, size_m))
+                found.append(self._seen(stamp_s, one.apart_s, piece, size_m))
         return found
 
     def _beside_objects(
-        self,
-        stamp_s: float,
-        points: Floats,
-        since_s: Floats,
-        size_m: float,
-        moving: list[MovingBody],
-        standing: list[Person],
+        self, stamp_s: float, cells: _Cells, size_m: float, moving: list[Person], standing: list[Person]
     ) -> list[Person]:
         """Those of ``standing`` in a cluster with an object: at their places, cells occupied since they came.
 
-        since_s: (n,) when the cells at (n, 2) points became occupied. The object's cells are older.
+        The object's cells are older.
         """
         p, found = self._params, list[Person]()
         for one in standing:
             came_s = self._walked_s.get(one.number, math.inf) - _ARRIVES_S
-            own = points[(np.hypot(*(points - (one.x, one.y)).T) <= p.max_radius_m) & (since_s >= came_s)]
-            walks_on = any(_is_at(one, body, stamp_s, p.gate_m) for body in moving)
+            near = np.hypot(*(cells.points - (one.x, one.y)).T) <= p.max_radius_m
+            own = cells.points[near & (cells.since_s >= came_s)]
+            walks_on = any(_is_at(one, walker, stamp_s, p.gate_m) for walker in moving)
             if not walks_on and len(own) >= _CELLS and p.min_size_m <= _size_m(own, size_m) <= p.max_size_m:
                 found.append(self._seen(stamp_s, stamp_s, own, size_m))
         return found
@@ -176,15 +215,7 @@ class People:
     def _of_body(self, stamp_s: float, body: MovingBody) -> Person:
         radius_m = self._radius_m(math.hypot(*body.extent_m))
         return Person(
-            stamp_s,
-            body.x,
-            body.y,
-            body.vx,
-            body.vy,
-            radius_m,
-            None,
-            body.sigma_m,
-            body.sigma_mps,
+            *(stamp_s, body.x, body.y, body.vx, body.vy, radius_m, None, body.sigma_m, body.sigma_mps),
             walks=True,
             walked=True,
         )
@@ -212,12 +243,15 @@ class People:
         return replace(seen, number=self._number)
 
     def _continued(self, before: Person, seen: Person) -> Person:
+        # A walker who comes to an object remains one to plan with. What has only been seen to move at an object may be
+        # a piece of it, seen through a gap.
+        comes = seen.walks and before.walked and not before.in_group
         one = replace(
             seen,
             number=before.number,
             sightings=before.sightings + 1,
             walked=seen.walks or before.walked,
-            apart_s=max(before.apart_s, seen.apart_s),
+            apart_s=seen.stamp_s if comes else max(before.apart_s, seen.apart_s),
         )
         if seen.walks or before.walks:
             return one
@@ -225,15 +259,15 @@ class People:
         return replace(one, x=before.x + gain * (seen.x - before.x), y=before.y + gain * (seen.y - before.y))
 
 
-def _is_at(one: Person, body: MovingBody, stamp_s: float, gate_m: float) -> bool:
+def _is_at(one: Person, walker: Person, stamp_s: float, gate_m: float) -> bool:
     x, y = one.at(stamp_s)
-    return min(math.hypot(x - body.x, y - body.y), math.hypot(one.x - body.x, one.y - body.y)) < gate_m
+    return min(math.hypot(x - walker.x, y - walker.y), math.hypot(one.x - walker.x, one.y - walker.y)) < gate_m
 
 
-def _away(points: Floats, body: MovingBody, trail_s: float) -> Floats:
-    """(n,) distance of (n, 2) points from the way of a body in the last ``trail_s``."""
-    back = -trail_s * np.array((body.vx, body.vy))
-    on = points - (body.x, body.y)
+def _away(points: Floats, walker: Person, trail_s: float) -> Floats:
+    """(n,) distance of (n, 2) points from the way of a walker in the last ``trail_s``."""
+    back = -trail_s * np.array((walker.vx, walker.vy))
+    on = points - (walker.x, walker.y)
     share = np.clip(on @ back / max(float(back @ back), 1e-9), 0.0, 1.0)
     return np.asarray(np.hypot(*(on - share[:, None] * back).T))
 

@@ -10,19 +10,21 @@ import numpy.typing as npt
 import pytest
 
 from robot_stack.core.config import load
-from robot_stack.core.geometry import Pose2, Twist2
+from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
 from robot_stack.core.people import Person, people_of, people_points
 from robot_stack.core.robot import load_robot
 from robot_stack.perception.params import PerceptionParams
 from robot_stack.perception.pipeline import Scene as PerceptionScene
+from robot_stack.perception.space.kernels import OCCUPIED
 from robot_stack.perception.space.moving_objects import MovingBody
 from robot_stack.perception.space.people import People
-from robot_stack.perception.space.space import SpaceGrid
+from robot_stack.perception.space.space import Space, SpaceGrid
+from robot_stack.perception.space.view import view_of_beams
 from tests.support.sweeps import SWEEP_S, Sweeps
 from tests.unit.space.yard import ADULT, Yard
 
 P = load(PerceptionParams, "perception_pipeline").people
-CELL_M, SIZE_M, GRID_S = 0.05, 10.0, 0.2
+CELL_M, SIZE_M, GRID_S, RADIUS_M = 0.05, 10.0, 0.2, 0.25
 Mask = npt.NDArray[np.bool_]
 Place = tuple[float, float]
 Y, X = (np.mgrid[0 : round(SIZE_M / CELL_M), 0 : round(SIZE_M / CELL_M)] + 0.5) * CELL_M
@@ -31,7 +33,7 @@ ROBOT_AT = Pose2(5.0, 1.0, math.pi / 2.0)
 
 
 def at(*places: Place) -> Mask:
-    return np.asarray(np.any([np.hypot(X - x, Y - y) < 0.25 for x, y in places], axis=0))
+    return np.asarray(np.any([np.hypot(X - x, Y - y) < RADIUS_M for x, y in places], axis=0))
 
 
 class Scene:
@@ -186,6 +188,78 @@ def test_larger_bodies_stay_obstacles() -> None:
     assert grids.see(cart, [body(5.0, 5.0, extent_m=(1.2, 0.6))]) == ()
 
 
+def converging(grids: Grids) -> tuple[Place, Place]:
+    """Two walkers come together until one body covers both. Returns their places."""
+    x, half_m = 1.5, 0.6
+    for _ in range(12):
+        x, half_m = x + 0.24, max(half_m - 0.06, 0.3)
+        ends = (x, 5.0 - half_m), (x, 5.0 + half_m)
+        large = [body(x, 5.0, 1.2, extent_m=(0.25, 2.0 * half_m + 0.4))]
+        grids.see(at(*ends), large if half_m < 0.4 else [body(*end, 1.2) for end in ends])
+    return (x, 5.0 - half_m), (x, 5.0 + half_m)
+
+
+def test_walkers_who_come_together_go_on_walking() -> None:
+    grids = Grids()
+    ends = converging(grids)
+    people = sorted(grids.tracker.people, key=lambda one: one.y)
+    assert [(one.walks, one.in_group, one.velocity) for one in people] == [(True, False, (1.2, 0.0))] * 2
+    assert np.array([(one.x, one.y) for one in people]) == pytest.approx(np.array(ends), abs=0.1)
+    assert {one.number for one in people} == {1, 2}
+    for _ in range(3):
+        grids.see(at(*ends))
+    assert [(one.walks, one.walked) for one in grids.tracker.people] == [(False, True)] * 2
+
+
+def test_walkers_who_come_together_are_followed_by_sweeps() -> None:
+    scene = Scene()
+    for step in range(-5, 34):
+        y, half_m = 5.9 - 0.12 * step, max(0.5 - 0.015 * step, 0.3)
+        scene.see(NOTHING if step < 0 else at((5.0 - half_m, y), (5.0 + half_m, y)))
+        if step < 10:
+            continue
+        walkers = [one for one in scene.people if one.walks and not one.in_group]
+        assert [one.vy for one in walkers] == pytest.approx([-1.2, -1.2], abs=0.2)
+        for x in (5.0 - half_m, 5.0 + half_m):
+            assert min(math.dist(one.at(scene.now_s), (x, y)) for one in walkers) < RADIUS_M
+
+
+def test_a_cart_takes_nobody_along_who_stands() -> None:
+    grids = Grids()
+    for step in range(6):
+        grids.see(at((2.0 + GRID_S * step, 5.0)), [body(2.0 + GRID_S * step, 5.0)])
+    for step in range(20):
+        x = 1.5 + GRID_S * step
+        cart = (abs(X - x) < 0.6) & (abs(Y - 4.4) < 0.25)
+        people = grids.see(cart | at((3.0, 5.0)), [body(x, 4.4, extent_m=(1.2, 0.9))])
+        assert not any(one.walks for one in people if one.stamp_s == grids.now_s)
+
+
+def test_a_walker_beside_an_object_that_the_map_lacks_is_planned_with() -> None:
+    """Its cells remain those of the object."""
+    grids, table = Grids(), (abs(X - 5.0) < 0.8) & (abs(Y - 4.0) < 0.5)
+    for step in range(16):
+        place = 2.0 + GRID_S * step, 4.9
+        grids.see(table | at(place), [body(*place)])
+    (one,) = grids.tracker.people
+    assert one.walks
+    assert not one.in_group
+    assert one.box is None
+
+
+def test_a_stored_place_without_a_return_is_nobody() -> None:
+    """Where a walker may be, who got hidden, the space is occupied, but nothing returns."""
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(2.0, 2.4, 0.05), np.arange(-0.2, 0.2, 0.05)))
+    hidden = np.column_stack((x, y, np.full(x.size, 1.7)))
+    space = Space(load(PerceptionParams, "perception_pipeline").space, load_robot())
+    nothing = view_of_beams(1.0, (0.2, 0.0, 0.2), np.empty((0, 3), np.float32), *(np.empty(0, np.bool_),) * 2, 8.0)
+    space.observe(nothing, IDENTITY)
+    space.mark_hidden_body(hidden, -0.5, 0.0, IDENTITY)
+    grid = space.grid()
+    assert (grid.state == OCCUPIED).sum() > 20
+    assert People(P).look(1.0, grid, ()) == ()
+
+
 def test_one_person_seen_by_two_sensors_is_one() -> None:
     (one,) = Grids().see(at((5.0, 5.0)), [body(4.9, 5.0), body(5.1, 5.0)])
     assert one.walks
@@ -289,6 +363,21 @@ def test_a_person_who_comes_and_stops_beside_the_robot_remains_one(chair: bool) 
     assert not one.in_group
     others = [other for other in yard.people if other is not one]
     assert not any(other.walked for other in others), "neither the robot nor its chair"
+
+
+def test_a_restart_of_odometry_drops_people_and_moving_bodies() -> None:
+    """Their places are those of the former frame."""
+    yard = PeopledYard(who=ADULT)
+    yard.at["who"] = (2.0, 4.5)
+    yard.run(1.0)
+    yard.walk("who", (2.0, 2.2))
+    (one,) = yard.near((2.0, 2.2))
+    assert yard.step().moving.size
+    yard.pose = yard.pose.compose(Pose2(3.0, 1.0, 0.5))
+    assert not yard.step().moving.size
+    yard.run(0.2)
+    assert one.number not in [other.number for other in yard.people]
+    assert not any(other.walked for other in yard.people)
 
 
 def test_a_post_that_the_robot_passes_does_not_walk() -> None:
