@@ -74,11 +74,14 @@ def show(
     from robot_stack.cli.map_build import lines_of
     from robot_stack.core.route_graph import load_graph
     from robot_stack.core.site_map import load_map
-    from robot_stack.core.zones import load_zones
+    from robot_stack.core.zones import zone_files
 
-    site, zones, graph = load_map(name), load_zones(name), load_graph(name)
+    files = zone_files(name)
+    site, zones, graph = load_map(name), files.read(), load_graph(name)
     for line in lines_of(site):
         typer.echo(line)
+    if zones:
+        typer.echo(f"zones: {files.in_force}")
     for zone in zones:
         limit = f", {zone.speed_mps:g} m/s" if math.isfinite(zone.speed_mps) else ""
         limit += "" if math.isnan(zone.heading_rad) else f", {math.degrees(zone.heading_rad):g} deg"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import grp
 import math
+import os
 import pwd
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
@@ -348,7 +349,7 @@ def docks() -> Iterator[Finding]:
 
 
 def zones() -> Iterator[Finding]:
-    """Docks, safe places and missions, compared with the keepout zones of navigation's map."""
+    """The file of zones, and docks, safe places and missions, compared with the keepout zones of navigation's map."""
     from robot_stack.core.config import config_dir, read_yaml
     from robot_stack.core.docks import DocksFile
     from robot_stack.core.keepout import keepout_problems, load_keepout, site_keepout_problems
@@ -358,8 +359,11 @@ def zones() -> Iterator[Finding]:
     from robot_stack.core.safe_places import SafePlaces
 
     try:
+        map_name = str(read_yaml(config_dir() / "navigation_controller.yaml").get("map", ""))
+        if map_name:
+            yield _zone_file(map_name)
         robot, docks_file = load_robot(), load(DocksFile, "docks")
-        keepout = load_keepout(str(read_yaml(config_dir() / "navigation_controller.yaml").get("map", "")), robot)
+        keepout = load_keepout(map_name, robot)
         places = load(SafePlaces, "safe_places")
         found = [f"{where}: {text}" for where, text in site_keepout_problems(docks_file, places, keepout, robot)]
     except ConfigError as error:
@@ -374,10 +378,29 @@ def zones() -> Iterator[Finding]:
             continue
         found += [text for _, text in keepout_problems(mission, kinds, keepout, aboard_at_start(mission, False))]
     for text in found:
-        yield Finding("zones", Level.BAD, text, "move the place, or correct zones.geojson; docs/navigation.md#zones")
+        yield Finding("zones", Level.BAD, text, "move the place, or correct the zones; docs/navigation.md#zones")
     if not found:
         count = len(keepout.zones)
         yield Finding("zones", Level.OK, f"{count} keepout zones, no dock, safe place or mission lies in one")
+
+
+def _zone_file(map_name: str) -> Finding:
+    """The file in force, and whether the touch screen can save zones. Raises ConfigError."""
+    from robot_stack.core.zones import zone_files
+
+    files = zone_files(map_name)
+    path = files.in_force
+    if path == files.own:
+        text = f"{path}, edited on this robot, instead of {files.site}"
+    else:
+        text = f"{path}{'' if path.exists() else ' (none)'}"
+    folder = files.own.parent
+    while not os.path.exists(folder):
+        folder = folder.parent
+    if not os.access(folder, os.W_OK):
+        advice = "for zones drawn on the touch screen; run as the service's user, with its XDG_DATA_HOME"
+        return Finding("zone file", Level.BAD, f"{text}; {files.own} cannot be written", advice)
+    return Finding("zone file", Level.OK, f"{text}; edits are saved in {files.own}")
 
 
 # --- the running stack ------------------------------------------------------------------------------------------------

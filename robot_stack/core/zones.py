@@ -1,4 +1,7 @@
-"""Zones of a site beside its map, ``config/maps/<name>/zones.geojson``: where navigation may not drive, or only slowly.
+"""Zones of a site: where navigation may not drive, or only slowly.
+
+They lie beside the site's map, ``config/maps/<name>/zones.geojson``. Zones edited on the robot are a file of its own
+data, which is in force instead of the site's as long as it exists (``ZoneFiles``).
 
 A GeoJSON FeatureCollection of Polygons, also with holes, in the map frame; coordinates x, y in m. Properties:
     name     for people, unique
@@ -9,6 +12,7 @@ Zones are rules of the site, not obstacles: localization, the costmap and the sa
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 from dataclasses import dataclass
@@ -24,6 +28,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from robot_stack.core.compiled import compiled
 from robot_stack.core.config import Config, ConfigError
 from robot_stack.core.mission import Coordinate, Name
+from robot_stack.core.runtime import data_home
 from robot_stack.core.site_map import Grid, map_folder
 
 ZONES_FILE = "zones.geojson"
@@ -171,10 +176,45 @@ def _cross(ring: Any, x: Any, y: Any, inside: Any) -> None:
                 inside[i] = not inside[i]
 
 
+@dataclass(frozen=True, slots=True)
+class ZoneFiles:
+    """Where zones of a map may lie. site: beside the map. own: edited on this robot, in the user's data."""
+
+    site: Path
+    own: Path
+
+    @property
+    def in_force(self) -> Path:
+        """The own file, else the site's, which need not exist. An own file that cannot be read stays in force."""
+        try:
+            self.own.stat()
+        except (FileNotFoundError, NotADirectoryError):
+            return self.site
+        except OSError:
+            pass
+        return self.own
+
+    def read(self) -> tuple[Zone, ...]:
+        """The zones in force, none without a file. Raises ConfigError naming the zone and the key."""
+        path = self.in_force
+        return () if path == self.site and not path.exists() else read_zones(path)
+
+
+def zone_files(map_name: str) -> ZoneFiles:
+    """map_name: of ``config/maps``, or a path, whose own zones are those of this path alone.
+
+    Raises ConfigError if there is no such map.
+    """
+    folder = map_folder(map_name)
+    name = folder.name
+    if "/" in map_name:
+        name += f"-{hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]}"
+    return ZoneFiles(folder / ZONES_FILE, data_home() / "zones" / f"{name}.geojson")
+
+
 def load_zones(map_name: str) -> tuple[Zone, ...]:
-    """The zones of a map, none without a file. Raises ConfigError naming the zone and the key."""
-    path = map_folder(map_name) / ZONES_FILE
-    return read_zones(path) if path.exists() else ()
+    """The zones of a map that are in force, none without a file. Raises ConfigError naming the zone and the key."""
+    return zone_files(map_name).read()
 
 
 def read_zones(path: Path) -> tuple[Zone, ...]:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from robot_stack.core.site_map import map_folder
-from robot_stack.core.zones import ZONES_FILE, ZoneType, read_zones
+from robot_stack.core.zones import ZONES_FILE, ZoneType, load_zones
 from robot_stack.ui.pin import hash_pin
 from tests.support.processes import NodeProcess
 from tests.support.ui_page import PIN
@@ -74,7 +74,7 @@ def test_zones_are_drawn_saved_and_deleted(page: Any, robot: StandInRobot, folde
     check(page, "the form of a zone")
     page.click("#zone-save")
     wait_for(lambda: names(page) == ["lawn", "one_way 1"], "the new zone")
-    _, lane = read_zones(folder / ZONES_FILE)
+    _, lane = load_zones(str(folder))
     assert lane.type is ZoneType.ONE_WAY
     assert abs(lane.heading_rad + 1.5708) < 0.05, "from the first corner to the second, downwards on the screen"
     assert len(lane.rings[0]) == 4
@@ -84,10 +84,10 @@ def test_zones_are_drawn_saved_and_deleted(page: Any, robot: StandInRobot, folde
     touch(page, (-120, 60), (-60, 60), (-60, 120))
     page.click("#zone-save")
     wait_for(lambda: names(page) == ["lawn", "one_way 1", "speed 1"], "the second zone")
-    assert read_zones(folder / ZONES_FILE)[2].speed_mps == 0.6
+    assert load_zones(str(folder))[2].speed_mps == 0.6
     page.click('[data-delete="lawn"]')
     page.click('[data-delete-yes="lawn"]')
     wait_for(lambda: names(page) == ["one_way 1", "speed 1"], "the zone to be gone")
-    assert [zone.name for zone in read_zones(folder / ZONES_FILE)] == ["one_way 1", "speed 1"]
+    assert [zone.name for zone in load_zones(str(folder))] == ["one_way 1", "speed 1"]
     page.click('[data-nav="history"]')
     until(page, "document.body.textContent.includes('delete zone lawn')")

@@ -21,7 +21,7 @@ from robot_stack.core.geometry import ZERO_TWIST
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.route_graph import load_graph
 from robot_stack.core.site_map import load_map
-from robot_stack.core.zones import load_zones
+from robot_stack.core.zones import zone_files
 from robot_stack.middleware.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg
 from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.node import StackNode, run
@@ -53,7 +53,10 @@ class NavigationControllerNode(StackNode):
         self._departure = Departure(load(DepartureParams, "departure"))
         self._motion_warnings = MotionWarnings(self, given=self._departure.announced)
         grid = load_map(self.params.map).grid if self.params.map else None
-        zones = load_zones(self.params.map) if self.params.map else ()
+        files = zone_files(self.params.map) if self.params.map else None
+        zones = () if files is None else files.read()
+        if files is not None and zones:
+            self.get_logger().info(f"{len(zones)} zones of {files.in_force}")
         graph = load_graph(self.params.map) if self.params.map else None
         self.controller = NavigationController(
             self.params, self.robot, frames.MAP, self._departure, grid, self._background_planner, zones, graph

@@ -11,31 +11,31 @@ from robot_stack.core.atomic_file import replace_file
 from robot_stack.core.config import ConfigError
 from robot_stack.core.own_missions import revision_of
 from robot_stack.core.route_graph import load_graph
-from robot_stack.core.site_map import map_folder
-from robot_stack.core.zones import ZONES_FILE, Zone, read_zones, zones_of
+from robot_stack.core.zones import Zone, zone_files, zones_of
 from robot_stack.ui import protocol as p
 from robot_stack.ui.nodes.mission_files import NOT_SAVED, EditAnswer
 
 ZONE_INVALID, ZONE_CHANGED = "answer.zone_invalid", "answer.zone_changed"
-# Beside the file: its content before the last change.
-BEFORE = f"{ZONES_FILE}.before"
 
 
 class ZoneFile:
     """map_name: of the site, empty for none. The zones are read again when their file has changed.
 
-    Raises ConfigError.
+    Changes are saved in the robot's own data: the site's folder belongs to the software. Raises ConfigError.
     """
 
     def __init__(self, map_name: str) -> None:
-        self._path = map_folder(map_name) / ZONES_FILE if map_name else None
+        self._files = zone_files(map_name) if map_name else None
         graph = load_graph(map_name) if map_name else None
         self._lanes = [] if graph is None else graph.points[graph.ends].reshape(-1, 4).tolist()
         self._begun = self._revision()
         self._seen: tuple[str, list[dict[str, Any]], str] | None = None
 
     def section(self) -> dict[str, Any]:
-        """lanes: x, y of start and end, m, map. problem: of a wrong file. changed: since the node started."""
+        """lanes: x, y of start and end, m, map. problem: of a wrong file. changed: since the node started.
+
+        file: in force, empty without zones.
+        """
         revision = self._revision()
         if self._seen is None or self._seen[0] != revision:
             zones, problem = self._read()
@@ -47,47 +47,57 @@ class ZoneFile:
             "problem": problem,
             "revision": revision,
             "changed": revision != self._begun,
+            "file": str(self._files.in_force) if self._files is not None and revision else "",
         }
 
     def edit(self, message: p.SaveZone | p.DeleteZone) -> EditAnswer:
-        """Executes a change of staff: the file is replaced at once, and its previous content kept in ``BEFORE``."""
+        """Executes a change of staff: the robot's own file is replaced at once. The content that was in force is kept
+        beside it, with the suffix ``.before``.
+        """
         if message.revision != self._revision():
             return EditAnswer(ZONE_CHANGED)
-        if self._path is None:
+        if self._files is None:
             return EditAnswer(ZONE_INVALID, "the site has no map")
+        path = self._files.in_force
         try:
-            before = self._path.read_bytes() if self._path.exists() else b""
+            before = path.read_bytes() if path.exists() else b""
             content: dict[str, Any] = {"type": "FeatureCollection", "features": []}
             if before:
                 content = json.loads(before)
-            zones_of(content, ZONES_FILE)  # a file with errors is left to people
+            zones_of(content, path.name)  # a file with errors is left to people
             content["features"] = _changed(content["features"], message)
-            zones_of(content, ZONES_FILE)
+            zones_of(content, path.name)
         except (ConfigError, ValueError) as error:
             return EditAnswer(ZONE_INVALID, str(error))
         except OSError as error:
             return EditAnswer(NOT_SAVED, f"{error.filename}: {error.strerror}")
-        return self._save(self._path, before, json.dumps(content, ensure_ascii=False, indent=1) + "\n")
+        return self._save(self._files.own, before, json.dumps(content, ensure_ascii=False, indent=1) + "\n")
 
     def _save(self, path: Path, before: bytes, content: str) -> EditAnswer:
         try:
+            path.parent.mkdir(parents=True, exist_ok=True)
             if before:
-                replace_file(path.with_name(BEFORE), before)
+                replace_file(before_path(path), before)
             replace_file(path, content)
         except OSError as error:
             return EditAnswer(NOT_SAVED, f"{error.filename}: {error.strerror}")
         return EditAnswer()
 
     def _read(self) -> tuple[list[dict[str, Any]], str]:
-        if self._path is None or not self._path.exists():
+        if self._files is None:
             return [], ""
         try:
-            return [_shown(zone) for zone in read_zones(self._path)], ""
+            return [_shown(zone) for zone in self._files.read()], ""
         except ConfigError as error:
             return [], str(error)
 
     def _revision(self) -> str:
-        return "" if self._path is None else revision_of(self._path)
+        return "" if self._files is None else revision_of(self._files.in_force)
+
+
+def before_path(own: Path) -> Path:
+    """Where the content before the last change of the robot's own file is kept."""
+    return own.with_name(f"{own.name}.before")
 
 
 def _changed(features: list[Any], message: p.SaveZone | p.DeleteZone) -> list[Any]:

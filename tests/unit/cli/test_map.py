@@ -112,6 +112,7 @@ def test_show_lists_and_draws_zones(folder, tmp_path):
     plain, drawn = tmp_path / "plain.png", tmp_path / "drawn.png"
     assert CliRunner().invoke(app, ["map", "show", str(folder), "--picture", str(plain)]).exit_code == 0
     shown = CliRunner().invoke(app, ["map", "show", str(copy), "--picture", str(drawn)])
+    assert f"zones: {copy / 'zones.geojson'}" in shown.output
     assert "zone lawn: keepout, 1.0 m2 of the map" in shown.output
     assert "zone ward: speed, 0.4 m/s, 1.0 m2 of the map" in shown.output
     assert "zone lane: one_way, 90 deg, 1.0 m2 of the map" in shown.output

@@ -44,6 +44,7 @@ def config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = shutil.copytree(ROOT / "config", tmp_path / "config")
     monkeypatch.setenv("ROBOT_STACK_CONFIG", str(folder))
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     return folder
 
 
@@ -187,7 +188,7 @@ def test_docks_are_named(config: Path) -> None:
 
 
 def test_places_in_keepout_zones_are_named(config: Path) -> None:
-    (finding,) = robot_checks.zones()
+    _, finding = robot_checks.zones()
     assert (finding.level, finding.what[:14]) == (Level.OK, "0 keepout zone")
     ring = [[2.5, 0.3], [3.5, 0.3], [3.5, 1.3], [2.5, 1.3], [2.5, 0.3]]
     lawn = {
@@ -199,15 +200,36 @@ def test_places_in_keepout_zones_are_named(config: Path) -> None:
     zones_file.write_text(json.dumps({"type": "FeatureCollection", "features": [lawn]}))
     set_in(config / "safe_places.yaml", "places", value=[{"name": "porch", "x": 3.0, "y": 0.5, "yaw": 0.0}])
     found = list(robot_checks.zones())
-    assert levels(found, "zones") == [Level.BAD] * len(found)
+    assert levels(found, "zones") == [Level.BAD] * (len(found) - 1)
     text = "\n".join(item.what for item in found)
     assert "the safe place 'porch': the footprint with a wheelchair lies in the keepout zone 'lawn'" in text
     assert "waypoint 'stop' of 'short_hop': the footprint lies in the keepout zone 'lawn'" in text
     assert "chair_1" not in text
     zones_file.write_text("{}")
-    (finding,) = robot_checks.zones()
+    _, finding = robot_checks.zones()
     assert finding.level is Level.BAD
     assert "zones.geojson" in finding.what
+
+
+def test_the_file_of_zones_in_force_is_named_and_whether_it_can_be_written(config: Path, tmp_path: Path) -> None:
+    def finding() -> Finding:
+        found = next(robot_checks.zones())
+        assert found.check == "zone file"
+        return found
+
+    site, own = config / "maps" / "yard" / "zones.geojson", tmp_path / "data" / "robot_stack" / "zones" / "yard.geojson"
+    assert (finding().level, finding().what) == (Level.OK, f"{site} (none); edits are saved in {own}")
+    own.parent.mkdir(parents=True)
+    own.write_text(json.dumps({"type": "FeatureCollection", "features": []}))
+    assert (finding().level, finding().what.split(";")[0]) == (
+        Level.OK,
+        f"{own}, edited on this robot, instead of {site}",
+    )
+    own.unlink()
+    own.parent.rmdir()
+    own.parent.symlink_to("/proc/self")  # where no user can make files
+    assert finding().level is Level.BAD
+    assert f"{own} cannot be written" in finding().what
 
 
 def test_what_needs_a_running_stack_is_not_called_good_without_one(config: Path, ros_domain: int) -> None:

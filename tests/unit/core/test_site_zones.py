@@ -12,7 +12,7 @@ import pytest
 
 from robot_stack.core.config import ConfigError
 from robot_stack.core.site_map import FREE, Grid, map_folder
-from robot_stack.core.zones import ZONES_FILE, Zone, ZoneType, load_zones, read_zones
+from robot_stack.core.zones import ZONES_FILE, Zone, ZoneType, load_zones, read_zones, zone_files
 
 _SQUARE = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0], [0.0, 0.0]]
 _HOLE = [[1.0, 1.0], [3.0, 1.0], [3.0, 3.0], [1.0, 3.0], [1.0, 1.0]]
@@ -121,3 +121,28 @@ def test_zones_lie_beside_the_map(tmp_path: Path) -> None:
     shutil.copytree(map_folder("yard"), folder)
     written(folder, feature({"name": "lawn", "type": "keepout"}))
     assert [zone.name for zone in load_zones(str(folder))] == ["lawn"]
+
+
+def test_zones_edited_on_the_robot_take_precedence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    folder = shutil.copytree(map_folder("yard"), tmp_path / "yard")
+    files = zone_files(str(folder))
+    assert files.in_force == written(folder, feature({"name": "lawn", "type": "keepout"}))
+    files.own.parent.mkdir(parents=True)
+    written(folder, feature({"name": "ward", "type": "keepout"})).rename(files.own)
+    assert files.in_force == files.own
+    assert [zone.name for zone in load_zones(str(folder))] == ["ward"]
+    assert load_zones("yard") == (), "another map of this name"
+    files.own.write_text("{")
+    with pytest.raises(ConfigError, match=str(files.own)):
+        load_zones(str(folder))
+
+
+def test_own_zones_that_cannot_be_reached_are_not_taken_for_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    loop = tmp_path / "data"
+    loop.symlink_to(loop)
+    monkeypatch.setenv("XDG_DATA_HOME", str(loop))
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load_zones("yard")

@@ -11,10 +11,10 @@ import pytest
 
 from robot_stack.core.route_graph import GRAPH_FILE
 from robot_stack.core.site_map import map_folder
-from robot_stack.core.zones import ZONES_FILE
+from robot_stack.core.zones import ZONES_FILE, load_zones, zone_files
 from robot_stack.ui import protocol as p
 from robot_stack.ui.nodes.mission_files import NOT_SAVED
-from robot_stack.ui.nodes.zone_file import BEFORE, ZONE_CHANGED, ZONE_INVALID, ZoneFile
+from robot_stack.ui.nodes.zone_file import ZONE_CHANGED, ZONE_INVALID, ZoneFile, before_path
 
 SQUARE = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0], [0.0, 0.0]]
 LAWN = {
@@ -30,7 +30,8 @@ def write(folder: Path, *features: Any) -> None:
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     return Path(shutil.copytree(map_folder("yard"), tmp_path / "yard"))
 
 
@@ -63,7 +64,14 @@ def test_a_file_that_changes_is_read_again(folder: Path) -> None:
 
 
 def test_a_site_without_a_map() -> None:
-    assert ZoneFile("").section() == {"zones": [], "lanes": [], "problem": "", "revision": "", "changed": False}
+    assert ZoneFile("").section() == {
+        "zones": [],
+        "lanes": [],
+        "problem": "",
+        "revision": "",
+        "changed": False,
+        "file": "",
+    }
 
 
 def adding(zones: ZoneFile, name: str = "ward", **fields: Any) -> p.SaveZone:
@@ -79,7 +87,8 @@ def test_staff_add_and_delete_zones_and_the_file_before_is_kept(folder: Path) ->
     first = (folder / ZONES_FILE).read_bytes()
     zones = ZoneFile(str(folder))
     assert zones.edit(adding(zones)).why == ""
-    assert (folder / BEFORE).read_bytes() == first
+    own = zone_files(str(folder)).own
+    assert before_path(own).read_bytes() == first
     added = adding(zones, "lane", type="one_way", speed_limit_mps=None, heading_deg=90)
     assert zones.edit(added).why == ""
     section = zones.section()
@@ -93,7 +102,10 @@ def test_staff_add_and_delete_zones_and_the_file_before_is_kept(folder: Path) ->
     gone = p.DeleteZone(t="zone_delete", name="ward", revision=section["revision"])
     assert zones.edit(gone).why == ""
     assert [zone["name"] for zone in zones.section()["zones"]] == ["lawn", "lane"]
-    written = json.loads((folder / ZONES_FILE).read_text())
+    assert (folder / ZONES_FILE).read_bytes() == first, "the site's file stays"
+    assert section["file"] == str(own)
+    assert [zone.name for zone in load_zones(str(folder))] == ["lawn", "lane"]
+    written = json.loads(own.read_text())
     assert written["features"][0] == LAWN, "with the members of an editor"
 
 
@@ -101,7 +113,23 @@ def test_the_first_zone_makes_the_file(folder: Path) -> None:
     zones = ZoneFile(str(folder))
     assert zones.edit(adding(zones)).why == ""
     assert [zone["name"] for zone in zones.section()["zones"]] == ["ward"]
-    assert not (folder / BEFORE).exists()
+    assert not before_path(zone_files(str(folder)).own).exists()
+
+
+def test_saving_writes_nothing_into_the_folder_of_the_map(folder: Path) -> None:
+    """It belongs to the software, and is read-only for the service."""
+    write(folder, LAWN)
+
+    def state() -> list[tuple[str, int]]:
+        return sorted((path.name, path.stat().st_mtime_ns) for path in (folder, *folder.iterdir()))
+
+    before = state()
+    zones = ZoneFile(str(folder))
+    assert zones.section()["file"] == str(folder / ZONES_FILE)
+    assert zones.edit(adding(zones)).why == ""
+    assert state() == before
+    zone_files(str(folder)).own.unlink()
+    assert [zone.name for zone in load_zones(str(folder))] == ["lawn"], "those of the site again"
 
 
 def test_a_change_that_cannot_be_saved_leaves_the_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,6 +49,7 @@ export function ZoneForm({ link, site, say, corners, setCorners, close }) {
       <button id="zone-undo" disabled=${!corners.length} onClick=${() => setCorners(corners.slice(0, -1))}>${t("zone.undo")}</button>
       <button onClick=${close}>${t("app.cancel")}</button>
     </div>
+    ${site.file && html`<p class="file" lang="en">${site.file}</p>`}
     <div class="tools">
       ${site.zones.map(({ name }) => deleting === name
         ? html`<button class="danger" data-delete-yes=${name} onClick=${() => remove(name)}>${t("zone.delete_sure", { name })}</button>`
