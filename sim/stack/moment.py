@@ -26,7 +26,7 @@ from sim.plant.people import PREFIX
 from sim.replay.recorded import Recorded, ReplayError, read_recording
 from sim.run.scenario import Scenario
 from sim.scheduler.decoding import decoder
-from sim.settings import WORLDLY, pose_settings
+from sim.settings import WORLDLY, pose_settings, world_settings
 from sim.stack.random_ride import place
 from sim.stack.world import ScheduledWorld
 
@@ -49,7 +49,7 @@ _ROWS: Final = (
 )
 # Parameters that describe the start of the recorded run, or follow from the scenario.
 _OF_START: Final = ("start_", "attached_at_start", "passenger_mass_kg", "wheelchair_", "world", "seed")
-_MAP_READERS: Final = ("ndt_localization.map", "navigation_controller.map", "touch_ui.pages.map", "black_box.map")
+_OF_WORLD: Final = frozenset(item.partition("=")[0] for item in world_settings(""))  # follow from the world
 _EXPECTED: Final = "expected_processes"  # follows from the processes that run
 _ALWAYS_LEFT_OUT: Final = (
     "the robot starts from rest, with the nodes' memories empty",
@@ -109,7 +109,7 @@ class RecordedMoment:
         for node, values in self.parameters.items():
             for name, value in values.items():
                 of_start = node in (*WORLDLY, "ndt_localization") and name.startswith(_OF_START)
-                if not of_start and name != _EXPECTED and (same_world or f"{node}.{name}" not in _MAP_READERS):
+                if not of_start and name != _EXPECTED and (same_world or f"{node}.{name}" not in _OF_WORLD):
                     yield f"{node}.{name}={json.dumps(value)}"
         if self.chair is not None and not self.attached:
             yield from pose_settings("sim_world.wheelchair", self.chair)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ from robot_stack.mission.states import State
 from robot_stack.recording.writer import BagWriter, topic_info
 from robot_stack.ros.serialization import serialize_message
 from sim.scheduler.observers import Recording
+from sim.settings import world_settings
 from sim.stack.moment import RecordedMoment, moment_in, parse_moment, read_moment
 from sim.stack.recording import RUN_FILE, run_file
 from tf2_msgs.msg import TFMessage
@@ -108,6 +110,15 @@ def test_the_newest_messages_of_the_moment_are_the_start(record) -> None:
     assert not [item for item in scenario.settings if "start" in item or "passenger" in item]
     assert found.scenario(3, "yard").seed == 3
     assert found.scenario(3, "yard").world == "yard"
+
+
+def test_another_world_has_its_own_map_in_every_node(record) -> None:
+    found = moment(record((0.5, topics.CURRENT_POSE, estimate(HERE)), world="flat"))
+    names = [item.partition("=")[0].partition(".") for item in world_settings("flat")]
+    recorded = {node: {"other": 1, name: "of the recording"} for node, _, name in names}
+    settings = replace(found, parameters=recorded).scenario(3, "yard").settings
+    assert [item for item in settings if "of the recording" in item] == []
+    assert "mission_manager.other=1" in settings
 
 
 def test_what_is_not_recorded_is_listed(record) -> None:
