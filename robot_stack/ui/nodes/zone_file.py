@@ -65,9 +65,12 @@ class ZoneFile:
             if before:
                 content = json.loads(before)
             zones_of(content, path.name)  # a file with errors is left to people
-            content["features"] = _changed(content["features"], message)
+            features = _changed(content["features"], message)
+            if len(features) == len(content["features"]):
+                return EditAnswer(ZONE_CHANGED)  # no zone of this name is left to be deleted
+            content["features"] = features
             zones_of(content, path.name)
-        except (ConfigError, ValueError) as error:
+        except (ConfigError, ValueError, RecursionError) as error:
             return EditAnswer(ZONE_INVALID, str(error))
         except OSError as error:
             return EditAnswer(NOT_SAVED, f"{error.filename}: {error.strerror}")
@@ -103,7 +106,8 @@ def before_path(own: Path) -> Path:
 def _changed(features: list[Any], message: p.SaveZone | p.DeleteZone) -> list[Any]:
     """Other features stay as they are, also their members that the robot does not use."""
     if isinstance(message, p.DeleteZone):
-        return [feature for feature in features if feature["properties"]["name"] != message.name]
+        name = message.name.strip()  # as names are read
+        return [feature for feature in features if feature["properties"]["name"].strip() != name]
     properties: dict[str, Any] = {"name": message.name, "type": message.type}
     if message.speed_limit_mps is not None:
         properties["speed_limit_mps"] = message.speed_limit_mps

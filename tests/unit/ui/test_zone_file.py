@@ -109,6 +109,15 @@ def test_staff_add_and_delete_zones_and_the_file_before_is_kept(folder: Path) ->
     assert written["features"][0] == LAWN, "with the members of an editor"
 
 
+def test_a_zone_whose_name_has_blanks_in_the_file_is_deleted(folder: Path) -> None:
+    write(folder, LAWN, {**LAWN, "properties": {"name": " ward ", "type": "keepout"}})
+    zones = ZoneFile(str(folder))
+    revision = zones.section()["revision"]
+    assert zones.edit(p.DeleteZone(t="zone_delete", name="gone", revision=revision)).why == ZONE_CHANGED
+    assert zones.edit(p.DeleteZone(t="zone_delete", name="ward", revision=revision)).why == ""
+    assert [zone["name"] for zone in zones.section()["zones"]] == ["lawn"]
+
+
 def test_the_first_zone_makes_the_file(folder: Path) -> None:
     zones = ZoneFile(str(folder))
     assert zones.edit(adding(zones)).why == ""
