@@ -65,7 +65,7 @@ def test_zones_are_drawn_saved_and_deleted(page: Any, robot: StandInRobot, folde
     page.click("#tool-zone")
     page.click('[data-kind="one_way"]')
     assert page.is_disabled("#zone-save")
-    touch(page, (40, 60), (40, 140), (100, 140), (120, 40))
+    touch(page, (40, 60), (40, 60), (40, 140), (100, 140), (120, 40))  # a double touch is one corner
     until(page, "document.querySelector('.zone-form').textContent.includes(': 4.')")
     page.click("#zone-undo")
     until(page, "document.querySelector('.zone-form').textContent.includes(': 3.')")

@@ -75,7 +75,9 @@ const ZONES = { keepout: "#9b1116", speed: "#0b4a63", one_way: "#1f5f2c" };
 export function drawZones(context, canvas, view, site) {
   for (const [ax, ay, bx, by] of site?.lanes ?? []) {
     const [px, py] = view.toScreen(canvas, ax, ay);
-    drawArrow(context, px, py, (bx - ax) * view.scale - 9, -(by - ay) * view.scale, "#5b1a8a", 2);
+    const [dx, dy] = [(bx - ax) * view.scale, -(by - ay) * view.scale];
+    const share = Math.max(0, 1 - 9 / Math.hypot(dx, dy)); // the head ends at the node
+    drawArrow(context, px, py, share * dx, share * dy, "#5b1a8a", 2);
   }
   for (const zone of site?.zones ?? []) {
     context.beginPath();
@@ -100,8 +102,8 @@ export function drawZones(context, canvas, view, site) {
   }
 }
 
-// The corners of a zone that is being drawn.
-export function drawCorners(context, canvas, view, corners) {
+// The corners of a zone that is being drawn, and the direction of a one-way zone.
+export function drawCorners(context, canvas, view, corners, kind) {
   if (!corners.length) return;
   const points = corners.map(([x, y]) => view.toScreen(canvas, x, y));
   context.beginPath();
@@ -111,6 +113,9 @@ export function drawCorners(context, canvas, view, corners) {
   context.lineWidth = 4;
   context.stroke();
   for (const [px, py] of points) context.fillRect(px - 6, py - 6, 12, 12);
+  if (kind !== "one_way" || points.length < 2) return;
+  const [[ax, ay], [bx, by]] = points;
+  drawArrow(context, ax, ay, bx - ax, by - ay, ZONES.one_way);
 }
 
 export function drawPlan(context, canvas, view, points) {

@@ -7,9 +7,10 @@ import { View, at, drawBackground, drawObstacles, drawPeople, drawPlan, drawCorn
 
 const LAYERS = ["plan", "costmap", "obstacles", "people", "zones"];
 const LEAST_DRAG_M = 0.3;
+const LEAST_SIDE_M = 0.3; // a corner nearer to the one before is a double touch
 const STILL_PX = 8; // a finger that moves less has not dragged
 
-function draw(canvas, view, layers, state, picture, wish, corners) {
+function draw(canvas, view, layers, state, picture, wish, corners, kind) {
   const context = canvas.getContext("2d");
   const pose = poseOf(state);
   if (view.follows && pose) [view.x, view.y] = [pose.x, pose.y];
@@ -25,7 +26,7 @@ function draw(canvas, view, layers, state, picture, wish, corners) {
   if (layers.obstacles) drawObstacles(context, canvas, view, layers.obstacles);
   drawPlan(context, canvas, view, state.plan?.points);
   drawPeople(context, canvas, view, state.people?.near ?? []);
-  drawCorners(context, canvas, view, corners);
+  drawCorners(context, canvas, view, corners, kind);
   const footprint = state.site?.footprint; // nothing is drawn of a robot of unknown size
   if (pose && footprint) drawRobot(context, canvas, view, pose, footprint, "#0b4a63");
   if (wish && footprint) drawRobot(context, canvas, view, wish, footprint, "#8a3b00");
@@ -39,11 +40,12 @@ export function MapPage({ link, state, say }) {
   const [tool, setTool] = useState("look");
   const [wish, setWish] = useState(null);
   const [corners, setCorners] = useState([]);
+  const [kind, setKind] = useState("keepout"); // of a new zone
   const drag = useRef(null);
   const chosen = useRef({}); // frames are painted by the first render's function
-  chosen.current = { wish, corners };
+  chosen.current = { wish, corners, kind };
   const paint = () => canvas.current && draw(canvas.current, view.current, layers.current, link.state, picture.current,
-    drag.current?.wish ?? chosen.current.wish, chosen.current.corners);
+    drag.current?.wish ?? chosen.current.wish, chosen.current.corners, chosen.current.kind);
 
   useEffect(() => {
     picture.current.onload = paint;
@@ -61,13 +63,16 @@ export function MapPage({ link, state, say }) {
   }, []);
   useEffect(paint);
 
-  const choose = (name) => { setTool(name); setWish(null); setCorners([]); };
+  const choose = (name) => { setTool(name); setWish(null); setCorners([]); setKind("keepout"); };
   const send = async () => {
     say(await link.ask({ t: tool, x: wish.x, y: wish.y, yaw: wish.yaw }));
     choose("look");
   };
   const zoom = (factor) => { view.current.scale = Math.min(120, Math.max(4, view.current.scale * factor)); paint(); };
-  const addCorner = (corner) => setCorners((before) => [...before, corner]);
+  const addCorner = ([x, y]) => setCorners((before) => {
+    const last = before[before.length - 1];
+    return last && Math.hypot(x - last[0], y - last[1]) < LEAST_SIDE_M ? before : [...before, [x, y]];
+  });
   const touch = touches(canvas, view, drag, tool, setWish, paint, link, addCorner);
   return html`<section class="page map" data-page="map">
     <div class="toolbar">
@@ -90,7 +95,7 @@ export function MapPage({ link, state, say }) {
       </div>
       <${Hint} tool=${tool} wish=${wish} send=${send} cancel=${() => choose("look")} />
     </div>
-    ${tool === "zone" && html`<${ZoneForm} link=${link} site=${state.zones} say=${say} corners=${corners} setCorners=${setCorners} close=${() => choose("look")} />`}
+    ${tool === "zone" && html`<${ZoneForm} link=${link} site=${state.zones} say=${say} corners=${corners} setCorners=${setCorners} kind=${kind} setKind=${setKind} close=${() => choose("look")} />`}
     </div>
     <p class="figures"><${Place} state=${state} /><${People} state=${state} /><${Zones} site=${state.zones} /></p>
   </section>`;

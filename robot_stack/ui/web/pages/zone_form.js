@@ -24,8 +24,7 @@ function zoneOf(site, kind, corners, speed) {
   return zone;
 }
 
-export function ZoneForm({ link, site, say, corners, setCorners, close }) {
-  const [kind, setKind] = useState("keepout");
+export function ZoneForm({ link, site, say, corners, setCorners, kind, setKind, close }) {
   const [speed, setSpeed] = useState(0.4);
   const [deleting, setDeleting] = useState(null);
   if (!site) return null;
