@@ -26,7 +26,7 @@ from robot_stack.core.mission import Coordinate
 from robot_stack.core.site_map import map_folder
 
 GRAPH_FILE = "graph.geojson"
-Id = Annotated[int, Field(strict=True, ge=0)]
+Id = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)]
 
 
 class _Part(BaseModel):
@@ -99,7 +99,7 @@ def read_graph(path: Path) -> RouteGraph:
     """Raises ConfigError."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from None
     features = content.get("features") if isinstance(content, dict) else None
     if not isinstance(features, list):

@@ -221,7 +221,7 @@ def read_zones(path: Path) -> tuple[Zone, ...]:
     """Raises ConfigError."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from None
     return zones_of(content, str(path))
 

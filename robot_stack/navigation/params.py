@@ -125,7 +125,7 @@ class GraphParams(Config):
     """Long routes over the lanes of the site's route graph."""
 
     from_m: Positive
-    band_m: Annotated[float, Field(gt=0.0, le=3.0)]
+    band_m: Annotated[float, Field(gt=0.0, lt=3.0)]  # distances beside a lane are computed up to 3 m
     access_m: Positive
     off_lane_cost: Annotated[float, Field(ge=1.0)]
     tries: Annotated[int, Field(ge=1, le=50)]

@@ -58,6 +58,7 @@ def test_a_graph_is_read(tmp_path: Path) -> None:
         ((node(0, 0.0, 0.0, frame="odom"), edge(10, 0, 0)), "features.0.properties.frame"),
         ((*NODES, edge(10, 0, 1, metadata={"abs_speed_limit": 0.0})), "features.2.properties.metadata.abs_speed"),
         ((*NODES, edge(10, 0, 1, cost=-1.0)), "features.2.properties.cost"),
+        ((*NODES, edge(2**63, 0, 1)), "features.2.properties.id"),
         ((*NODES, edge(10, 0, "1")), "features.2.properties.endid"),
         (({"type": "Feature"},), "features.0"),
         ((7,), "features.0"),
@@ -68,7 +69,7 @@ def test_a_wrong_graph_is_named(tmp_path: Path, features: Any, message: str) -> 
         read_graph(written(tmp_path, *features))
 
 
-@pytest.mark.parametrize("content", ["{", "[]", '{"features": 1}'])
+@pytest.mark.parametrize("content", ["{", "[]", '{"features": 1}', "1" * 5000, "[" * 200_000])
 def test_a_file_that_is_no_collection_is_an_error(tmp_path: Path, content: str) -> None:
     path = tmp_path / GRAPH_FILE
     path.write_text(content)

@@ -100,7 +100,10 @@ def test_two_zones_of_one_name(tmp_path: Path) -> None:
         read_zones(written(tmp_path, lawn, lawn))
 
 
-@pytest.mark.parametrize("text", ["{", "[]", '{"type": "Topology", "features": []}', '{"type": "FeatureCollection"}'])
+@pytest.mark.parametrize(
+    "text",
+    ["{", "[]", "1" * 5000, "[" * 200_000, '{"type": "Topology", "features": []}', '{"type": "FeatureCollection"}'],
+)
 def test_a_file_that_is_no_geojson(tmp_path: Path, text: str) -> None:
     path = tmp_path / ZONES_FILE
     path.write_text(text)

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 
-from robot_stack.core.config import load
+from robot_stack.core.config import ConfigError, load
 from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.route_graph import RouteGraph
@@ -16,7 +17,7 @@ from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.controller import NavigationController
 from robot_stack.navigation.lanes import Lanes
 from robot_stack.navigation.path import Path
-from robot_stack.navigation.planning_grid import PlanningGrid
+from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid
 from robot_stack.navigation.routes import PromptRoutes, RouteRequest, RouteSolver
 from tests.unit.navigation.plant import ROBOT, params
 from tests.unit.navigation.test_among_obstacles import Painter, Story, box, nothing, reached
@@ -57,6 +58,20 @@ def graph_of(
 
 def lanes_of(graph: RouteGraph) -> Lanes:
     return Lanes(graph, params().graph, CRUISE_MPS)
+
+
+def test_a_share_of_the_speed_that_no_robot_can_drive_is_an_error() -> None:
+    graph = graph_of()
+    graph.speed_share[2] = 0.099 / CRUISE_MPS
+    with pytest.raises(ConfigError, match=r"edge 102: speed_limit is 0\.099 m/s"):
+        lanes_of(graph)
+    graph.speed_share[2] = 0.101 / CRUISE_MPS
+    assert lanes_of(graph).speed_mps[2] == pytest.approx(0.101)
+
+
+def test_a_band_must_be_narrower_than_the_distances_that_are_computed() -> None:
+    with pytest.raises(ConfigError, match="band_m"):
+        params(graph=params().graph.model_dump() | {"band_m": FAR_M})
 
 
 def solved(start: Pose2, goal: Pose2, graph: RouteGraph, seen: Array | None = None) -> Array:
