@@ -235,6 +235,10 @@ class NavigationController:
         self._since_plan_s += dt_s
         self._know(situation.now_s, situation.located)
         located = situation.located
+        if located is not None:
+            # What people drive by hand uses up nothing.
+            driven = ZERO_TWIST if self._state is NavigationState.IDLE else located.twist
+            self.around.count_back(located.pose, driven, dt_s)
         self._departure.elapse(None if located is None else located.twist, dt_s)
         if situation.emergency_stop:
             self.stop()

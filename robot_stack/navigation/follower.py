@@ -83,7 +83,6 @@ class RouteFollower:
         # Waiting for a person to pass, and for how long since the last progress.
         self._waits, self._waited_s = False, 0.0
         self.recoveries = 0
-        self._back_m = 0.0  # net way against the one-way zone in which the robot is
         self._progress_at: Pose2 | None = None
         self._checked = -1
         self._blocked_at: tuple[float, float] | None = None
@@ -168,7 +167,7 @@ class RouteFollower:
         table = _table(people, now_s, p.people)
         aside = self._give_way(located, footprint, now_s, dt_s)
         if aside is not None:
-            aside = self._in_zones(aside, located, limits, dt_s)
+            aside = self._in_zones(aside, located, limits)
             return Step(self._smoother.towards(aside, start, limits, dt_s), _ASIDE)
         pose = located.pose.relative_to(around.map_to_odom)
         exact = self._exact(route, located, footprint, float(cap.speed_mps[:3].min()), limits)
@@ -181,7 +180,7 @@ class RouteFollower:
                 pose, start, np.column_stack((at, metres, cap.speed_mps)), limits, footprint, local, table
             )
             requested, urgent = choice.twist, choice.urgent
-        requested = self._in_zones(requested, located, limits, dt_s)
+        requested = self._in_zones(requested, located, limits)
         twist = self._smoother.towards(requested, start, planning.braking if urgent else limits, dt_s)
         slow = twist.speed() < p.follow.stuck_mps and abs(twist.omega) < 2.0 * p.follow.stuck_mps
         self._stuck_s = self._stuck_s + dt_s if slow else 0.0
@@ -211,17 +210,14 @@ class RouteFollower:
             return None
         return follower.command(located.pose, ahead, clear_m, speed_mps, limits)
 
-    def _in_zones(self, twist: Twist2, located: Located, limits: MotionLimits, dt_s: float) -> Twist2:
+    def _in_zones(self, twist: Twist2, located: Located, limits: MotionLimits) -> Twist2:
         """``twist`` at the zones' speed, without its motion against a one-way zone beyond ``back_m``."""
-        around, one_way = self._around, self._params.one_way
-        along = around.along_mps(located.pose, located.twist)
-        self._back_m = 0.0 if along is None else max(0.0, self._back_m - along * dt_s)
-        wanted = around.along_mps(located.pose, twist)
-        against = wanted is not None and wanted < twist.speed() * math.cos(one_way.tolerance_rad)
-        if against and self._back_m >= one_way.back_m:
-            return Twist2(0.0, 0.0, twist.omega)
         deceleration_mps2 = self._params.speed_limits.braking_share * limits.acceleration_mps2
+        back_m = self._around.back_left_m(located.pose, twist)
+        if back_m == 0.0:
+            return Twist2(0.0, 0.0, twist.omega)
         speed_mps = self._around.zone_limit_mps(located, self._smoother.twist, deceleration_mps2)
+        speed_mps = min(speed_mps, math.sqrt(2.0 * deceleration_mps2 * back_m))
         return bounded(twist, speed_mps, math.inf)
 
     def _local(self) -> LocalMap:
@@ -329,7 +325,7 @@ class RouteFollower:
         self._stuck_s += dt_s
         aside = self._give_way(located, footprint, now_s, dt_s, no_way=True)
         if aside is not None:
-            aside = self._in_zones(aside, located, limits.cruise, dt_s)
+            aside = self._in_zones(aside, located, limits.cruise)
             return Step(self._smoother.towards(aside, self._smoother.twist, limits.cruise, dt_s), _ASIDE)
         self._without_way_s += dt_s
         text = f"the only path is blocked{self._where()}"

@@ -229,7 +229,16 @@ class GlobalPlanner:
         out = min(len(points) - 1, int(np.searchsorted(along, along[tight] + around_m)))
         start = ends[0] if into == 0 else np.array([*points[into], requested[into]])
         goal = ends[1] if out == len(points) - 1 else np.array([*points[out], requested[out]])
-        middle = passage(self.grid, footprint, self._params, start, goal, self._stop, any_heading=out < len(points) - 1)
+        middle = passage(
+            self.grid,
+            footprint,
+            self._params,
+            start,
+            goal,
+            self._stop,
+            any_heading=out < len(points) - 1,
+            escapes=into == 0,
+        )
         if middle is None:
             return None
         before = after = middle[:0]

@@ -198,7 +198,8 @@ def astar(
 
     weight: of the octile heuristic, >= 1. blocked: (m, 3) discs of coarse cells (row, column, radius) that are closed.
     escape_cells: within this distance of the start any cell may be entered, at a high cost, to leave a tight spot.
-    courses: permitted in each cell; a step needs both cells to permit it, except within escape_cells of the start.
+    courses: permitted in each cell; a step needs both cells to permit it, except in a circle of escape_cells around the
+    start.
     guide: (rows, columns) additional cost per metre, negative: closed; (0, 0) without one.
 
     A flood from the goal runs beside a search without progress; its first flood_cells are expanded in any case. If
@@ -278,7 +279,7 @@ def astar(
                 if one_way:
                     course = course_of(j, i)
                     if not (permits(ways, row, column, course) and permits(ways, r, c, course)):
-                        if max(abs(r - start[0]), abs(c - start[1])) > escape_cells:
+                        if math.hypot(r - start[0], c - start[1]) > escape_cells:
                             continue
                         entering = _ESCAPE_COST
                 total = g[here] + step * entering

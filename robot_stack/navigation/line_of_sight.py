@@ -20,6 +20,8 @@ _LOOK_S = 2.5
 _SPEED_STEP_MPS = 0.1
 # A goal with less clearance than this is occupied.
 _OCCUPIED_M = 0.05
+# A motion that has begun may come this much nearer to the limit of the way back.
+_BACK_SLACK_M = 0.05
 
 
 def is_direct(
@@ -34,8 +36,8 @@ def is_direct(
 ) -> bool:
     """Whether the rest of the motion from ``from_s`` on is clear of obstacles and people.
 
-    Against one-way zones, only a motion of ``one_way.back_m`` at most is clear; in a site with lanes one shorter than
-    ``straight_m``.
+    Against one-way zones, only a motion is clear that is not longer than what the robot has left of
+    ``one_way.back_m``; in a site with lanes one shorter than ``straight_m``.
     entering: the motion has not begun; this requires more clearance and a heading along the motion.
     """
     if around.free_space:
@@ -50,7 +52,8 @@ def is_direct(
     clear = around.clearance_m(footprint, poses)
     if clear[-1] < _OCCUPIED_M:
         return False
-    if left[0] > params.one_way.back_m and around.against_m(poses) > 0.0:
+    back_m = params.one_way.back_m - around.back_m + (0.0 if entering else _BACK_SLACK_M)
+    if left[0] > back_m and around.against_m(poses) > 0.0:
         return False
     # A goal near to an obstacle reduces the required clearance.
     near_m = min(f.direct_end_margin_m, float(clear[-1]) - 0.02)

@@ -26,6 +26,11 @@ ALL_COURSES = (1 << COURSES) - 1
 FREE_COURSES: Courses = np.zeros((0, 0), np.int64)
 
 
+def limit_rad(tolerance_rad: float) -> float:
+    """How far off a zone's heading a permitted course is at most: the middle of its step, and half a step."""
+    return tolerance_rad + math.pi / COURSES
+
+
 def permitted(zones: tuple[Zone, ...], grid: Grid, tolerance_rad: float) -> Courses:
     """The courses that the one-way zones permit in each cell of a grid."""
     ways = [zone for zone in zones if zone.type is ZoneType.ONE_WAY]

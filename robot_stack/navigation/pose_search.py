@@ -75,8 +75,8 @@ def search_poses(
 
     room: (rows, columns, headings) of ``heading_room``, heading k is k * 2 pi / headings. cost: (rows, columns) per
     metre, >= 1. goal: a heading of -1 is any. Driving sideways or backwards costs up to three times as much, a step to
-    a tight pose 1 + tight_cost times. weight: of the heuristic, >= 1. courses: permitted in each cell, beyond
-    escape_cells of the start.
+    a tight pose 1 + tight_cost times. weight: of the heuristic, >= 1. courses: permitted in each cell, beyond a
+    circle of escape_cells around the start.
     """
     rows, columns, bins = room.shape
     unit = 2.0 * math.pi / bins
@@ -108,7 +108,7 @@ def search_poses(
                 r, c = row + _ROWS[move], column + _COLUMNS[move]
                 if r < 0 or c < 0 or r >= rows or c >= columns:
                     continue
-                if max(abs(r - start[0]), abs(c - start[1])) > escape_cells:
+                if math.hypot(r - start[0], c - start[1]) > escape_cells:
                     course = course_of(_COLUMNS[move], _ROWS[move])
                     if not (permits(courses, row, column, course) and permits(courses, r, c, course)):
                         continue

@@ -56,19 +56,22 @@ def passage(
     stop: CancelFlag,
     *,
     any_heading: bool,
+    escapes: bool = True,
 ) -> Array | None:
     """(n, 3) poses from ``start`` to ``goal`` (both (3,), map), both included; None if there is no way.
 
     any_heading: the goal's heading is free; the last pose has the one found. stop: ends the search.
+    escapes: the robot stands at the start and may go against one-way zones within ``escape_m`` of it.
     """
     margin_m = params.margin_m + grid.half_cell_m
     window = _window(grid, footprint, params, start, goal, margin_m, LEAVING_M)
-    found = _searched(window, params, start, goal, stop, any_heading=any_heading)
+    escape_m = params.escape_m if escapes else 0.0
+    found = _searched(window, params, start, goal, stop, escape_m, any_heading=any_heading)
     leaving = float(grid.clearance_m(outline(footprint), start[None])[0]) < margin_m + grid.resolution_m
     if not len(found) and leaving:
         # The search begins at the nearest cell and heading, which may be nearer to the obstacle than the robot is.
         window = _window(grid, footprint, params, start, goal, margin_m, grid.resolution_m)
-        found = _searched(window, params, start, goal, stop, any_heading=any_heading)
+        found = _searched(window, params, start, goal, stop, escape_m, any_heading=any_heading)
     if not len(found):
         return None
     poses = window.poses(found)
@@ -80,7 +83,14 @@ def passage(
 
 
 def _searched(
-    window: _Window, params: PlannerParams, start: Array, goal: Array, stop: CancelFlag, *, any_heading: bool
+    window: _Window,
+    params: PlannerParams,
+    start: Array,
+    goal: Array,
+    stop: CancelFlag,
+    escape_m: float,
+    *,
+    any_heading: bool,
 ) -> npt.NDArray[np.int64]:
     bins = params.heading_bins
     first, last = (round(float(pose[2]) / (2.0 * math.pi) * bins) % bins for pose in (start, goal))
@@ -99,7 +109,7 @@ def _searched(
         params.near_cost,
         params.heuristic_weight,
         window.courses,
-        math.ceil(params.escape_m / _STEP_M),
+        math.floor(escape_m / _STEP_M + 1e-9),
         stop.flag,
     )
 

@@ -19,7 +19,7 @@ from robot_stack.navigation.global_planner import goal_problem
 from robot_stack.navigation.goal import GoalCode, Refusal
 from robot_stack.navigation.lanes import Lanes
 from robot_stack.navigation.local_map import LETHAL, LocalMap, costmap_problem, local_map
-from robot_stack.navigation.one_way import FREE_COURSES, against_m, permitted
+from robot_stack.navigation.one_way import FREE_COURSES, against_m, limit_rad, permitted
 from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid
 from robot_stack.navigation.pose_source import Located
@@ -54,6 +54,9 @@ class WorldModel:
         self.straight_m = math.inf if lanes is None else params.graph.from_m
         courses = FREE_COURSES if grid is None else permitted(zones, grid, params.one_way.tolerance_rad)
         self._mapped = self.grid = None if grid is None else PlanningGrid(grid, courses=courses)
+        self._limit_rad = limit_rad(params.one_way.tolerance_rad)
+        # Way against the one-way zones at the robot, beyond the permitted courses, less the way along them.
+        self.back_m = 0.0
         self._zones = zones if lanes is None else (*zones, *lanes.speed_zones())
         closed = [zone for zone in zones if zone.type is ZoneType.KEEPOUT]
         self._closed: Grid | None = None  # occupied in keepout zones only
@@ -175,9 +178,31 @@ class WorldModel:
 
     def against_m(self, poses: Array) -> float:
         """Length of the motion along (n, 3) poses in map that is against one-way zones, m."""
-        return against_m(self._zones, poses[:, :2], self._params.one_way.tolerance_rad)
+        return against_m(self._zones, poses[:, :2], self._limit_rad)
 
-    def along_mps(self, pose: Pose2, twist: Twist2) -> float | None:
+    def count_back(self, pose: Pose2, twist: Twist2, dt_s: float) -> None:
+        """Adds the motion of a tick to ``back_m``; outside the zones it is zero. pose: in map. twist: base_link.
+
+        A course between across and the largest permitted one counts as along, in proportion: a robot that follows a
+        route at the limit, with small deviations to both sides, does not use up its way back.
+        """
+        along = self._along_mps(pose, twist)
+        if along is None:
+            self.back_m = 0.0
+            return
+        if along < 0.0:
+            permitted_share = -math.cos(self._limit_rad)
+            along = (along + permitted_share * twist.speed()) / (1.0 - permitted_share)
+        self.back_m = max(0.0, self.back_m - along * dt_s)
+
+    def back_left_m(self, pose: Pose2, twist: Twist2) -> float:
+        """How far the robot may still go with a motion against one-way zones, m; infinite for a permitted motion."""
+        along = self._along_mps(pose, twist)
+        if along is None or along >= twist.speed() * math.cos(self._limit_rad):
+            return math.inf
+        return max(0.0, self._params.one_way.back_m - self.back_m)
+
+    def _along_mps(self, pose: Pose2, twist: Twist2) -> float | None:
         """Speed along the one-way zones at the robot, negative against them, the least of several; None outside.
 
         pose: in map. twist: base_link.

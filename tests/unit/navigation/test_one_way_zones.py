@@ -11,11 +11,13 @@ import pytest
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
 from robot_stack.core.zones import Zone, ZoneType
+from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.global_planner import GlobalPlanner, NoWay
-from robot_stack.navigation.one_way import against_m, coarse_courses, course_of, permits, permitted
+from robot_stack.navigation.one_way import against_m, coarse_courses, course_of, limit_rad, permits, permitted
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.states import NavigationState
+from robot_stack.navigation.tight_passage import passage
 from tests.unit.navigation.plant import ROBOT, params
 from tests.unit.navigation.test_among_obstacles import Painter, Story, box, nothing, reached
 
@@ -90,8 +92,7 @@ def test_routes_of_any_course_keep_to_the_zones(deg: float) -> None:
         start, goal = Pose2(10.0 - dx, 10.0 - dy, 0.0), Pose2(10.0 + dx, 10.0 + dy, 0.0)
         path = planned(start, goal, lane, grid=Grid(0.1, 0.0, 0.0, cells))
         assert isinstance(path, Path), path
-        # Courses are counted in steps of 11 degrees.
-        assert against_m((lane,), path.poses[:, :2], TOLERANCE_RAD + math.pi / 32.0) == 0.0
+        assert against_m((lane,), path.poses[:, :2], limit_rad(TOLERANCE_RAD)) == 0.0
         off = abs(math.remainder(course - math.radians(deg), 2.0 * math.pi))
         if abs(off - TOLERANCE_RAD) > 0.2:
             assert (path.length_m < 16.2) == (off < TOLERANCE_RAD)
@@ -116,6 +117,38 @@ def test_a_robot_at_the_entrance_may_back_out_but_not_farther() -> None:
     assert isinstance(backs_out, Path)
     assert 0.0 < against_m((lane,), backs_out.poses[:, :2], TOLERANCE_RAD) <= ESCAPE_M
     assert isinstance(planned(far, WEST, lane, grid=grid), NoWay)
+
+
+def test_a_way_back_is_planned_in_a_circle_whatever_its_course() -> None:
+    """The corners of a square of cells would be farther away than the robot may go back."""
+    grid = Grid(0.1, 0.0, 0.0, np.full((400, 400), FREE, np.int8))
+    c = math.sqrt(0.5)
+    turn = np.array([(c, c), (-c, c)])  # rows: along and across the heading of 45 deg
+    ring = np.array([(0.0, -14.0), (24.0, -14.0), (24.0, 14.0), (0.0, 14.0), (0.0, -14.0)]) @ turn + (10.0, 10.0)
+    lane = Zone("lane", ZoneType.ONE_WAY, (ring,), np.inf, math.radians(45.0))
+    for inside_m, backs in ((0.5, True), (1.0, False)):
+        x, y = np.array([(inside_m, 0.0), (-3.0, 0.0)]) @ turn + (10.0, 10.0)
+        path = planned(Pose2(x[0], x[1], 0.8), Pose2(y[0], y[1], 0.8), lane, grid=grid)
+        assert isinstance(path, Path)
+        assert (path.length_m < 5.0) == backs
+        assert against_m((lane,), path.poses[:, :2], limit_rad(TOLERANCE_RAD)) <= ESCAPE_M
+
+
+def test_only_a_passage_from_the_robot_leads_back() -> None:
+    cells = np.full((100, 200), FREE, np.int8)
+    cells[:42] = cells[58:] = OCCUPIED
+    lane = one_way(0.0, 10.0, 20.0, 0.0, 10.0)
+    raw = Grid(0.1, 0.0, 0.0, cells)
+    grid = PlanningGrid(raw, courses=permitted((lane,), raw, TOLERANCE_RAD))
+    ends = np.array([(10.5, 5.0, 0.0), (9.5, 5.0, 0.0)])
+    found = [
+        passage(
+            grid, ROBOT.footprint, params().planner, ends[0], ends[1], CancelFlag(), any_heading=False, escapes=escapes
+        )
+        for escapes in (True, False)
+    ]
+    assert found[0] is not None
+    assert found[1] is None
 
 
 def test_courses_of_cells() -> None:
@@ -176,6 +209,30 @@ def test_a_goal_shortly_behind_the_robot_is_reached_and_one_farther_behind_is_no
     end = story.until(lambda output: output.state is NavigationState.IDLE)
     assert not end.reached
     assert min(pose.x for pose in story.poses) > 8.0 - BACK_M - 0.1
+
+
+def test_short_goals_one_after_another_lead_no_farther_back_than_one() -> None:
+    cells = np.full((40, 200), FREE, np.int8)
+    cells[[0, -1]] = OCCUPIED
+    story = Story(nothing, Grid(0.1, 0.0, 3.0, cells), zones=(one_way(0.0, -1.0, 21.0, 2.0, 8.0),))
+    story.drive.pose = Pose2(8.0, 5.0, 0.0)
+    for back_m in (0.6, 1.2, 1.8):
+        story.go(Pose2(8.0 - back_m, 5.0, 0.0))
+        story.until(lambda output: output.state is NavigationState.IDLE)
+    assert 8.0 - BACK_M - 0.15 < min(pose.x for pose in story.poses) < 7.45
+    story.go(Pose2(9.5, 5.0, 0.0))
+    story.until(reached)
+    story.go(Pose2(9.0, 5.0, 0.0))
+    story.until(reached)  # a way back again after the way forward
+
+
+def test_a_course_at_the_limit_is_driven_to_its_end() -> None:
+    """Of the permitted courses, the one farthest off the zone's heading."""
+    grid = Grid(0.1, -15.0, -5.0, np.full((250, 300), FREE, np.int8))
+    story = Story(nothing, grid, zones=(one_way(4.0, -30.0, 30.0, 0.0, 7.0),))
+    story.drive.pose = Pose2(0.0, 0.5, 2.0)
+    story.go(Pose2(-6.0, 12.0, 2.0))
+    story.until(reached)
 
 
 def test_a_robot_that_makes_room_goes_back_no_farther_than_permitted() -> None:
