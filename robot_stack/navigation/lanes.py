@@ -180,7 +180,7 @@ class Lanes:
 
 
 def _away_m(grid: PlanningGrid, pieces: list[Array]) -> Array:
-    """(rows, columns) distance of the cells from the lines (2, 2), up to FAR_M."""
+    """(rows, columns) distance of the cells from the lines (2, 2), up to FAR_M; computed around the lines only."""
     rows, columns = grid.field.shape
     on = np.zeros((rows, columns), np.bool_)
     for a, b in pieces:
@@ -189,7 +189,14 @@ def _away_m(grid: PlanningGrid, pieces: list[Array]) -> Array:
         column, row = np.floor(at).astype(np.int64).T
         inside = (row >= 0) & (row < rows) & (column >= 0) & (column < columns)
         on[row[inside], column[inside]] = True
-    return clearance_field(on, grid.resolution_m, FAR_M).astype(np.float64)
+    away_m = np.full((rows, columns), FAR_M)
+    marked_rows, marked_columns = np.flatnonzero(on.any(axis=1)), np.flatnonzero(on.any(axis=0))
+    if len(marked_rows):
+        reach = math.ceil(FAR_M / grid.resolution_m)
+        marked = marked_rows, marked_columns
+        around = tuple(slice(max(0, int(at[0]) - reach), int(at[-1]) + reach + 1) for at in marked)
+        away_m[around] = clearance_field(on[around], grid.resolution_m, FAR_M)
+    return away_m
 
 
 def _disc(grid: PlanningGrid, middle: Array, radius_m: float) -> npt.NDArray[np.bool_]:

@@ -111,6 +111,8 @@ class RouteSolver:
         assert self._lanes is not None
         blocked = set()
         for lane, (a, b) in route.pieces():
+            if stop.is_set:
+                break
             if math.dist(a, b) < grid.resolution_m:
                 continue
             yaw = math.atan2(b[1] - a[1], b[0] - a[0])

@@ -58,6 +58,10 @@ class WorldModel:
         # Way against the one-way zones at the robot, beyond the permitted courses, less the way along them.
         self.back_m = 0.0
         self._zones = zones if lanes is None else (*zones, *lanes.speed_zones())
+        self._slow = [zone for zone in self._zones if zone.type is ZoneType.SPEED]
+        outlines = [zone.rings[0] for zone in self._slow]
+        self._slow_low = np.array([ring.min(axis=0) for ring in outlines]).reshape(-1, 2)
+        self._slow_high = np.array([ring.max(axis=0) for ring in outlines]).reshape(-1, 2)
         closed = [zone for zone in zones if zone.type is ZoneType.KEEPOUT]
         self._closed: Grid | None = None  # occupied in keepout zones only
         if grid is not None and closed:
@@ -170,10 +174,13 @@ class WorldModel:
     def zone_speed_mps(self, poses: Array) -> Array:
         """(n,) speed that the zones allow at (n, 3) poses in map; infinite without a limit."""
         speeds = np.full(len(poses), np.inf)
-        for zone in self._zones:
-            if zone.type is ZoneType.SPEED:
-                inside = zone.contains(poses[:, 0], poses[:, 1])
-                speeds = np.where(inside, np.minimum(speeds, zone.speed_mps), speeds)
+        low, high = poses[:, :2].min(axis=0), poses[:, :2].max(axis=0)
+        # A site may have a zone for each of a thousand lanes: only those near the poses are examined.
+        near = np.all((self._slow_low <= high) & (self._slow_high >= low), axis=1)
+        for index in np.flatnonzero(near):
+            zone = self._slow[index]
+            inside = zone.contains(poses[:, 0], poses[:, 1])
+            speeds = np.where(inside, np.minimum(speeds, zone.speed_mps), speeds)
         return speeds
 
     def against_m(self, poses: Array) -> float:

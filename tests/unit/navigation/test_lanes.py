@@ -10,6 +10,7 @@ import pytest
 
 from robot_stack.core.config import ConfigError, load
 from robot_stack.core.departure import Departure, DepartureParams
+from robot_stack.core.distance_field import clearance_field
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.route_graph import RouteGraph
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
@@ -67,6 +68,26 @@ def test_a_share_of_the_speed_that_no_robot_can_drive_is_an_error() -> None:
         lanes_of(graph)
     graph.speed_share[2] = 0.101 / CRUISE_MPS
     assert lanes_of(graph).speed_mps[2] == pytest.approx(0.101)
+
+
+def test_the_guide_of_a_lane_is_computed_around_it_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    sizes: list[tuple[int, ...]] = []
+
+    def measured(on: npt.NDArray[np.bool_], resolution_m: float, most_m: float) -> npt.NDArray[np.float32]:
+        sizes.append(on.shape)
+        return clearance_field(on, resolution_m, most_m)
+
+    monkeypatch.setattr("robot_stack.navigation.lanes.clearance_field", measured)
+    grid = PlanningGrid(hall())
+    guide = lanes_of(graph_of()).piece_guide(grid, np.array([(15.0, 10.0), (17.0, 10.0)]))
+    assert sizes == [(61, 81)], "3 m around the lane, in cells of 0.1 m"
+    inside = {(row, column) for row, column in np.argwhere(guide >= 0.0)}
+    near = {(row, column) for row in range(200) for column in range(300) if _from_lane_m(row, column) <= 1.0}
+    assert len(inside ^ near) <= 4, "but for cells at the band's edge"
+
+
+def _from_lane_m(row: int, column: int) -> float:
+    return math.hypot(max(150 - column, 0, column - 170) / 10.0, (row - 100) / 10.0)
 
 
 def test_a_band_must_be_narrower_than_the_distances_that_are_computed() -> None:

@@ -15,6 +15,7 @@ from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.goal import GoalCode
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.states import NavigationState
+from robot_stack.navigation.world_model import WorldModel
 from tests.unit.navigation.plant import ROBOT, Drive, params, request
 from tests.unit.navigation.test_among_obstacles import Painter, Story, box, corridor, nothing, reached
 
@@ -99,6 +100,23 @@ def test_the_slower_of_two_zones_counts() -> None:
     story = Story(nothing, corridor(), zones=zones)
     poses = np.array([(6.0, 5.0, 0.0), (9.5, 5.0, 0.0)])
     assert story.controller.around.zone_speed_mps(poses).tolist() == [0.4, np.inf]
+
+
+def test_of_many_speed_zones_those_near_the_poses_are_examined(monkeypatch: pytest.MonkeyPatch) -> None:
+    squares = [np.array([(x, 0.0), (x + 1.0, 0.0), (x + 1.0, 1.0), (x, 1.0), (x, 0.0)]) for x in range(1000)]
+    zones = tuple(Zone(f"{i}", ZoneType.SPEED, (ring,), 0.1 + 0.001 * i) for i, ring in enumerate(squares))
+    around = WorldModel(params(), None, zones)
+    examined: list[str] = []
+    contains = Zone.contains
+
+    def counted(zone: Zone, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) -> npt.NDArray[np.bool_]:
+        examined.append(zone.name)
+        return contains(zone, x, y)
+
+    monkeypatch.setattr(Zone, "contains", counted)
+    poses = np.array([(500.5, 0.5, 0.0), (501.5, 0.5, 0.0), (501.5, 1.5, 0.0)])
+    assert around.zone_speed_mps(poses).tolist() == pytest.approx([0.6, 0.601, np.inf])
+    assert examined == ["500", "501"]
 
 
 def walker(x_m: float, y_m: float, speed_mps: float) -> Painter:
