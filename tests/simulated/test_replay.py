@@ -64,7 +64,7 @@ def test_a_ride_is_reproduced(name: str, node: str) -> None:
 @pytest.mark.parametrize(
     ("name", "setting", "topic"),
     [
-        ("goal_ahead", "navigation_controller.tracking.position_gain_per_s=2.0", topics.CMD_VEL),
+        ("goal_ahead", "navigation_controller.tracking.position_gain_per_s=4.0", topics.CMD_VEL),
         ("goal_and_button", "navigation_controller.limits.cruise_speed_mps=1.4", topics.CMD_VEL),
         ("first_leg", "swerve_controller.module.steering_share=0.6", topics.WHEEL_COMMANDS),
         ("yard_costmap", "costmap_server.inflation.scaling_per_m=3.1", topics.LOCAL_COSTMAP),
