@@ -14,7 +14,7 @@ class DockingState(StrEnum):
     SEARCH = "SEARCH"
     SERVOING = "SERVOING"
     FINE_ALIGN = "FINE_ALIGN"
-    DOCKED = "DOCKED"  # at the dock pose; latching, latched or unlatching
+    DOCKED = "DOCKED"  # at the dock pose; latching, latched or unlatching; at a station until clear of it
     FAILED = "FAILED"
 
 

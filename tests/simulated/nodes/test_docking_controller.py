@@ -157,3 +157,15 @@ def test_a_chair_that_came_loose_while_the_controller_was_dead_is_an_emergency_w
     aboard = [message.data for message in scene.passenger.since(begun_s)]
     assert aboard
     assert all(aboard)
+
+
+def test_a_controller_that_is_restarted_at_a_charger_is_docked_and_undocks(scene: Scene) -> None:
+    scene.process.kill()
+    assert AttachedFile().save(False, "charger") == ""  # the state after docking to the charger
+    scene.bench.run(1.0)
+    scene.bench.start_again(scene.process)
+    scene.wait_state("DOCKED")
+    assert scene.passenger.last.data is False
+    scene.undock()
+    out = scene.command.wait(lambda message: message.twist.linear.x != 0.0, "the way out", 10.0)
+    assert out.twist.linear.x > 0.0
