@@ -173,8 +173,8 @@ def page(
     site = _site(folder)
     params, screen = broker_params(site, broker, certificates), load(TouchUiParams, "touch_ui")
     served = FleetPage(params, site, screen, port, bind, map_name)
-    print(f"fleet page: {served.url}", flush=True)
     with _interrupts() as interrupts:
+        print(f"fleet page: {served.url}", flush=True)
         served.run(lambda: bool(interrupts), _request_state, lambda robot: _instant_action("cancelOrder", robot))
 
 
