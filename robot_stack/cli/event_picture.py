@@ -85,12 +85,6 @@ def _draw_costmap(axes: Any, seen: dict[str, Any]) -> None:
 
 def _outline(pose: Pose2, footprint: Any) -> np.ndarray[Any, np.dtype[np.float64]]:
     """(5, 2) closed, m."""
-    half = 0.5 * footprint.width_m
-    corners = (
-        (footprint.front_m, half),
-        (footprint.front_m, -half),
-        (footprint.rear_m, -half),
-        (footprint.rear_m, half),
-    )
+    corners = footprint.corners()
     points = [pose.compose(Pose2(x, y, 0.0)) for x, y in (*corners, corners[0])]
     return np.array([(point.x, point.y) for point in points])

@@ -7,6 +7,7 @@ the value of the environment variable ``ROBOT_STACK_CONFIG``.
 
 from __future__ import annotations
 
+import json
 import os
 import sys
 from collections.abc import Mapping
@@ -69,6 +70,14 @@ def read_yaml(path: Path) -> dict[str, Any]:
     if not isinstance(data, dict):
         raise ConfigError(f"{path}: must be a mapping of names to values, is a {type(data).__name__}")
     return data
+
+
+def read_json(path: Path) -> Any:
+    """Raises ConfigError for a file that cannot be read, is no JSON, or is nested too deep."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ConfigError(f"{path}: cannot be read: {error}") from None
 
 
 def validate(model: type[ConfigT], data: Mapping[str, Any], source: str) -> ConfigT:

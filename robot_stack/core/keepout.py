@@ -33,10 +33,8 @@ class Keepout:
         chair: with a wheelchair at the latch.
         """
         f = self.footprint_with_chair if chair else self.footprint
-        half_m = 0.5 * f.width_m
-        corners = np.array([(f.front_m, -half_m), (f.front_m, half_m), (f.rear_m, half_m), (f.rear_m, -half_m)])
         c, s = math.cos(pose.yaw), math.sin(pose.yaw)
-        outline = corners @ np.array([(c, s), (-s, c)]) + (pose.x, pose.y)
+        outline = np.array(f.corners()) @ np.array([(c, s), (-s, c)]) + (pose.x, pose.y)
         return next((zone.name for zone in self.zones if zone.overlaps(outline)), "")
 
 

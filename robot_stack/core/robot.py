@@ -43,6 +43,11 @@ class Footprint(Config):
     rear_m: Annotated[float, Field(lt=0.0)]
     width_m: Positive
 
+    def corners(self) -> list[tuple[float, float]]:
+        """Clockwise from the front left, base_link, m."""
+        half_m = 0.5 * self.width_m
+        return [(self.front_m, half_m), (self.front_m, -half_m), (self.rear_m, -half_m), (self.rear_m, half_m)]
+
 
 class Chassis(Config):
     """The box that carries everything but wheels and steering modules, centred over base_link, m above the ground."""

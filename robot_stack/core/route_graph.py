@@ -11,7 +11,6 @@ operations are not carried out.
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,9 +20,10 @@ import numpy as np
 import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from robot_stack.core.config import ConfigError
+from robot_stack.core.config import ConfigError, read_json
 from robot_stack.core.mission import Coordinate
 from robot_stack.core.site_map import map_folder
+from robot_stack.core.zones import SLOWEST_MPS
 
 GRAPH_FILE = "graph.geojson"
 Id = Annotated[int, Field(strict=True, ge=0, le=2**63 - 1)]
@@ -35,8 +35,7 @@ class _Part(BaseModel):
 
 
 class _Metadata(_Part):
-    # Slower than the slowest useful speed is no lane.
-    abs_speed_limit: Annotated[float, Field(ge=0.1, le=10.0)] | None = None
+    abs_speed_limit: Annotated[float, Field(ge=SLOWEST_MPS, le=10.0)] | None = None
     speed_limit: Annotated[float, Field(gt=0.0, le=100.0)] | None = None
 
 
@@ -97,10 +96,7 @@ def load_graph(map_name: str) -> RouteGraph | None:
 
 def read_graph(path: Path) -> RouteGraph:
     """Raises ConfigError."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from None
+    content = read_json(path)
     features = content.get("features") if isinstance(content, dict) else None
     if not isinstance(features, list):
         raise ConfigError(f"{path}: must be a GeoJSON FeatureCollection")

@@ -13,7 +13,6 @@ Zones are rules of the site, not obstacles: localization, the costmap and the sa
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 from dataclasses import dataclass
 from enum import StrEnum
@@ -26,12 +25,14 @@ import numpy.typing as npt
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from robot_stack.core.compiled import compiled
-from robot_stack.core.config import Config, ConfigError
+from robot_stack.core.config import Config, ConfigError, read_json
 from robot_stack.core.mission import Coordinate, Name
 from robot_stack.core.runtime import data_home
 from robot_stack.core.site_map import Grid, map_folder
 
 ZONES_FILE = "zones.geojson"
+# Slower than this is no useful limit: such a zone is one to keep out of, such a lane is none.
+SLOWEST_MPS = 0.1
 
 
 class ZoneType(StrEnum):
@@ -43,8 +44,7 @@ class ZoneType(StrEnum):
 class _Properties(Config):
     name: Name
     type: ZoneType
-    # Slower than the slowest useful speed is a zone to keep out of.
-    speed_limit_mps: Annotated[float, Field(ge=0.1, le=10.0)] | None = None
+    speed_limit_mps: Annotated[float, Field(ge=SLOWEST_MPS, le=10.0)] | None = None
     heading_deg: Annotated[float, Field(ge=-360.0, le=360.0)] | None = None
 
     @model_validator(mode="after")
@@ -219,11 +219,7 @@ def load_zones(map_name: str) -> tuple[Zone, ...]:
 
 def read_zones(path: Path) -> tuple[Zone, ...]:
     """Raises ConfigError."""
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise ConfigError(f"{path}: cannot be read: {error}") from None
-    return zones_of(content, str(path))
+    return zones_of(read_json(path), str(path))
 
 
 def zones_of(content: Any, source: str) -> tuple[Zone, ...]:

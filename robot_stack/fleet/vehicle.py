@@ -242,17 +242,12 @@ def _node_problem(node: Node, vehicle: Vehicle) -> tuple[ErrorType, str, str] | 
 def check_loads(order: Order, actions: tuple[Action, ...], loaded: bool) -> bool:
     """Whether a wheelchair is attached after ``actions`` that begin with one if ``loaded``.
 
-    Raises Refused for a pick while carrying one, and for a drop without.
+    Raises Refused for a pick or a charger while carrying one, and for a drop without.
     """
     for action in actions:
-        if action.type == "pick" and loaded:
-            raise order.refused(
-                ErrorType.ORDER_ACTION, "pick with a wheelchair attached: drop first", ("actionId", action.id)
-            )
-        if action.type == START_CHARGING and loaded:
-            raise order.refused(
-                ErrorType.ORDER_ACTION, "startCharging with a wheelchair attached: drop first", ("actionId", action.id)
-            )
+        if action.type in ("pick", START_CHARGING) and loaded:
+            text = f"{action.type} with a wheelchair attached: drop first"
+            raise order.refused(ErrorType.ORDER_ACTION, text, ("actionId", action.id))
         if action.type == "drop" and not loaded:
             raise order.refused(ErrorType.ORDER_ACTION, "drop without a wheelchair attached", ("actionId", action.id))
         loaded = action.type == "pick" or (loaded and action.type != "drop")

@@ -19,12 +19,11 @@ from scipy.sparse.csgraph import dijkstra
 from robot_stack.core.config import ConfigError
 from robot_stack.core.distance_field import clearance_field
 from robot_stack.core.route_graph import GRAPH_FILE, RouteGraph
-from robot_stack.core.zones import Zone, ZoneType
+from robot_stack.core.zones import SLOWEST_MPS, Zone, ZoneType
 from robot_stack.navigation.params import GraphParams
 from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid
 
 Array = npt.NDArray[np.float64]
-_SLOWEST_MPS = 0.1
 # Cost per metre more, besides 1: at the edge of the band, and around start and goal.
 _AT_BAND_EDGE, _AROUND_ENDS = 2.0, 1.0
 # The surroundings of start and goal reach farther than the lane by this share and this distance.
@@ -64,10 +63,10 @@ class Lanes:
         self.starts, self.ends = graph.points[graph.ends[:, 0]], graph.points[graph.ends[:, 1]]
         self.length_m = np.hypot(*(self.ends - self.starts).T)
         self.speed_mps = np.minimum(graph.speed_mps, graph.speed_share * cruise_mps)
-        slow = np.flatnonzero(self.speed_mps < _SLOWEST_MPS)
+        slow = np.flatnonzero(self.speed_mps < SLOWEST_MPS)
         if len(slow):
             edge, mps = graph.edge_ids[slow[0]], self.speed_mps[slow[0]]
-            text = f"{mps:.2g} m/s of {cruise_mps:g} m/s, must be at least {_SLOWEST_MPS} m/s"
+            text = f"{mps:.2g} m/s of {cruise_mps:g} m/s, must be at least {SLOWEST_MPS} m/s"
             raise ConfigError(f"{GRAPH_FILE}: edge {edge}: speed_limit is {text}")
         travel = self.length_m * np.maximum(cruise_mps / self.speed_mps, 1.0)
         self.cost_m = np.where(np.isnan(graph.cost_m), travel, graph.cost_m)

@@ -26,7 +26,7 @@ from foxglove.messages import (
 
 from robot_stack.contract import frames
 from robot_stack.core.docks import Docks
-from robot_stack.core.robot import Footprint, Robot
+from robot_stack.core.robot import Robot
 from robot_stack.core.robot_shape import Matrix, Placed, RobotShape, placed, planar, quaternion_of, robot_solids
 
 _NANOSECONDS = 1_000_000_000
@@ -53,7 +53,7 @@ class Model:
 
     def footprint(self, attached: bool) -> list[tuple[float, float]]:
         """Corners of the active footprint, m, base_link."""
-        return corners(self._robot.footprint_with_chair if attached else self._robot.footprint)
+        return (self._robot.footprint_with_chair if attached else self._robot.footprint).corners()
 
     def update(
         self, joints: Mapping[str, float], attached: bool, now_ns: int, others: Sequence[SceneEntity] = ()
@@ -68,16 +68,6 @@ class Model:
         ]
         outline = _outline(self.footprint(attached), now_ns)
         return SceneUpdate(deletions=[], entities=[*parts, outline, *others])
-
-
-def corners(footprint: Footprint) -> list[tuple[float, float]]:
-    half_m = 0.5 * footprint.width_m
-    return [
-        (footprint.front_m, half_m),
-        (footprint.front_m, -half_m),
-        (footprint.rear_m, -half_m),
-        (footprint.rear_m, half_m),
-    ]
 
 
 def joint_angles(names: Sequence[str], positions: Sequence[float]) -> dict[str, float]:

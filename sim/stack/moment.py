@@ -63,7 +63,7 @@ class RecordedMoment:
     """The state at ``at_s`` after the first message of the recording. Poses in map.
 
     pose: of the robot. estimate: of the localization. chair: of the wheelchair's dock frame. charge: [0, 1]. None is
-    unknown. record: of the mission manager, None without a mission. resumes: the mission was under way and not paused.
+    unknown. record: of the mission manager, None without a mission.
     goal: of navigation without a mission. people: poses by name. seed, parameters: of a run on the scheduler.
     taken, left_out: what the run takes from the recording and what it does not, for people.
     """
@@ -76,13 +76,17 @@ class RecordedMoment:
     chair: Pose2 | None = None
     charge: float | None = None
     record: Record | None = None
-    resumes: bool = False
     goal: Pose2 | None = None
     people: Mapping[str, Pose2] = field(default_factory=dict)
     seed: int | None = None
     parameters: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
     taken: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
+
+    @property
+    def resumes(self) -> bool:
+        """The mission was under way and not paused."""
+        return self.record is not None and self.record.state is not State.PAUSED
 
     def scenario(self, seed: int | None, world: str | None) -> Scenario:
         """The run from here on. seed, world: instead of the recorded ones. Raises ConfigError."""
@@ -216,7 +220,6 @@ class _Reader:
             chair=bodies.get(_WHEELCHAIR),
             charge=self._charge(),
             record=record,
-            resumes=record is not None and record.state is not State.PAUSED,
             goal=None if record is not None else self._goal(),
             people={name: pose for name, pose in bodies.items() if name.startswith(PREFIX)},
             seed=recorded.seed,
