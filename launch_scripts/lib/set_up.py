@@ -70,9 +70,9 @@ def set_up() -> int:
 
 
 def check_compiler() -> None:
-    choices = [os.environ["CXX"]] if os.environ.get("CXX") else ["c++", "g++", "clang++"]
-    if not any(shutil.which(choice) for choice in choices):
-        raise Fault(f"no C++ compiler ({', '.join(choices)}); Debian, Ubuntu: apt install g++")
+    cxx = core_module("cxx")
+    if cxx.cxx_compiler() is None:
+        raise Fault(f"no C++ compiler ({', '.join(cxx.cxx_choices())}); Debian, Ubuntu: apt install g++")
 
 
 def keep_or_make_environment() -> None:
@@ -161,7 +161,7 @@ def build_interfaces(steps: Steps, due: dict[Path, str]) -> None:
 def build_environment() -> dict[str, str]:
     return {
         **os.environ,
-        **wheels_env().ros_environment(PREFIX),
+        **core_module("wheels_env").ros_environment(PREFIX),
         "PATH": f"{PREFIX / 'bin'}{os.pathsep}{os.environ.get('PATH', '')}",
     }
 
@@ -177,9 +177,9 @@ _FOREIGN = {
 }
 
 
-def wheels_env() -> ModuleType:
-    """robot_stack.core.wheels_env by its path: the package itself may need what is only being installed."""
-    spec = importlib.util.spec_from_file_location("wheels_env", ROOT / "robot_stack/core/wheels_env.py")
+def core_module(name: str) -> ModuleType:
+    """A module of robot_stack.core by its path: the package itself may need what is only being installed."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / f"robot_stack/core/{name}.py")
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
@@ -199,7 +199,7 @@ def compile_loops() -> None:
 
 
 def register_nodes() -> None:
-    registration.register(ROOT, PREFIX, wheels_env().ros_environment(PREFIX, base={}))
+    registration.register(ROOT, PREFIX, core_module("wheels_env").ros_environment(PREFIX, base={}))
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from pathlib import Path
 import psutil
 
 from robot_stack.core.config import ConfigError, config_dir
+from robot_stack.core.cxx import cxx_compiler
 from robot_stack.core.runtime import ros_domain_id, runtime_dir
 
 _GIB = 2**30
@@ -61,7 +62,7 @@ def python() -> Iterable[Finding]:
 
 
 def compiler() -> Iterable[Finding]:
-    found = next(filter(None, map(shutil.which, ("c++", "g++", "clang++"))), None)
+    found = cxx_compiler()
     if found:
         yield Finding("compiler", Level.OK, found)
     else:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import os
-import shutil
 import socket
 import struct
 import subprocess
@@ -16,6 +15,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.core.cxx import cxx_compiler
 from sim.devices.host import wait_read
 
 CAMERAS_VARIABLE = "V4L2_CAMERAS"
@@ -26,7 +26,7 @@ _SOURCE = Path(__file__).with_name("v4l2_camera.cpp")
 
 def build_library(folder: Path) -> Path:
     """Compiles the library into ``folder``. Raises OSError without a C++ compiler."""
-    compiler = shutil.which("c++") or shutil.which("g++")
+    compiler = cxx_compiler()
     if compiler is None:
         raise OSError("no C++ compiler is installed, which the simulated V4L2 cameras need")
     library = folder / "v4l2_camera.so"

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 import signal
 import socket
 import subprocess
 from pathlib import Path
 
+from robot_stack.core.cxx import cxx_compiler
 from robot_stack.wmx.bridge import generate
 from robot_stack.wmx.simulated.protocol import SOCKET_FILE
 from tests.support.waiting import wait_for
@@ -19,7 +18,7 @@ UNITS = ("bridge.cpp", "standin/standin.cpp")
 
 def compiler() -> str:
     """The C++ compiler that the environment's set-up requires as well."""
-    found = os.environ.get("CXX") or next(filter(None, map(shutil.which, ("c++", "g++", "clang++"))), None)
+    found = cxx_compiler()
     assert found is not None, "a C++ compiler is needed"
     return found
 
