@@ -1,15 +1,19 @@
-"""Fleet managers by foreign implementations of VDA 5050, which send an order and follow it to its end."""
+"""Fleet managers and a robot by foreign implementations of VDA 5050: vda5050-sdk and vda-5050-lib."""
 
 from __future__ import annotations
 
 import asyncio
 import json
+import shutil
 import subprocess
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import pytest
 from vda5050.client.master.client import MasterClient
 from vda5050.config import MasterConfig
 from vda5050.model.enums import OperatingMode
@@ -107,13 +111,43 @@ def _ended(state: State, order: Order) -> bool:
     )
 
 
-def drive_by_npm(url: str, manufacturer: str, serial: str, order: dict[str, Any], deadline_s: float = 60.0) -> Followed:
-    """Sends ``order`` by vda-5050-lib (JavaScript), after `npm ci` in the folder ``npm``.
+def drive_by_npm(
+    folder: Path, url: str, manufacturer: str, serial: str, order: dict[str, Any], while_running: Callable[[], None]
+) -> Followed:
+    """Sends ``order`` by vda-5050-lib (JavaScript). folder: of ``installed_npm``. while_running: called until the end.
 
     It knows versions 1.1 and 2.0.0: its order says 2.0.0, and it does not check the robot's messages of 2.1.0.
     """
-    command = ["node", str(NPM / "master.js"), url, manufacturer, serial, json.dumps(order)]
-    done = subprocess.run(command, cwd=NPM, capture_output=True, text=True, timeout=deadline_s)
-    if done.returncode not in (0, 1):
-        raise RuntimeError(done.stderr)
-    return Followed(**json.loads(done.stdout.splitlines()[-1]))
+    command = ["node", "master.js", url, manufacturer, serial, json.dumps(order)]
+    with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            while process.poll() is None:
+                while_running()
+        finally:
+            process.kill()
+        output = process.communicate()[0]
+    return Followed(**json.loads(output.splitlines()[-1]))
+
+
+@contextmanager
+def npm_robot(folder: Path, url: str, manufacturer: str, serial: str) -> Iterator[None]:
+    """The virtual AGV of vda-5050-lib at the node ``start`` of the map ``yard``. folder: of ``installed_npm``."""
+    command = ["node", "virtual_agv.js", url, manufacturer, serial]
+    with subprocess.Popen(command, cwd=folder, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            yield
+        finally:
+            process.kill()
+
+
+def installed_npm(folder: Path) -> Path:
+    """Installs vda-5050-lib, as its lock file says, into ``folder``. Skips the test where that is not possible."""
+    if shutil.which("npm") is None:
+        pytest.skip("no npm on this machine")
+    shutil.copytree(NPM, folder, dirs_exist_ok=True)
+    done = subprocess.run(["npm", "ci", "--ignore-scripts", "--no-audit", "--no-fund"], cwd=folder, capture_output=True)
+    if done.returncode:
+        pytest.skip("vda-5050-lib cannot be downloaded")
+    return folder
