@@ -63,7 +63,3 @@ def test_every_finite_twist_gives_finite_speeds_within_the_limit(linear_mps: flo
     assert math.isfinite(speeds.left)
     assert math.isfinite(speeds.right)
     assert speeds.largest <= 20.0 * (1.0 + 1e-12)
-
-
-def test_body_twist_by_hand() -> None:
-    assert body_twist(WheelPair(4.0, 6.0), BASE) == pytest.approx((0.5, 0.4))

@@ -46,16 +46,6 @@ def test_first_reading_only_sets_the_zero() -> None:
     assert driven() == Odometry()
 
 
-def test_straight() -> None:
-    assert xyyaw(driven((10.0, 10.0))) == pytest.approx((1.0, 0.0, 0.0))
-
-
-def test_on_the_spot() -> None:
-    """A quarter turn: each wheel travels a quarter of the circle of 0.25 m radius."""
-    way_rad = 0.5 * math.pi * 0.25 / 0.1
-    assert xyyaw(driven((-way_rad, way_rad))) == pytest.approx((0.0, 0.0, 0.5 * math.pi))
-
-
 def test_quarter_circle_of_one_metre_in_one_reading() -> None:
     """The exact arc ends at (1, 1); the chord of an Euler step would not."""
     left, right = 0.5 * math.pi * 0.75 / 0.1, 0.5 * math.pi * 1.25 / 0.1
@@ -102,7 +92,6 @@ def test_odometry_continues_from_new_angles_after_jump() -> None:
     odometry.update(BEFORE)
     odometry.update(WheelReading(100.01, WheelPair(50.0, 50.0)))
     after = odometry.update(WheelReading(100.11, WheelPair(51.0, 51.0)))
-
     assert after.fault == ""
     assert xyyaw(after) == pytest.approx((0.1, 0.0, 0.0))
 

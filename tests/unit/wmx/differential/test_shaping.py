@@ -108,12 +108,6 @@ def test_a_curve_stays_the_same_curve_while_it_is_taken_up() -> None:
         assert angular_radps == pytest.approx(1.5 * linear_mps)
 
 
-def test_an_absurd_twist_is_the_fastest_of_its_curve() -> None:
-    drive = Drive()
-    drive.run(1e300, 0.0, 4.0)
-    assert drive.wheels.left == pytest.approx(MOST_RADPS)
-
-
 @settings(max_examples=60, deadline=None)
 @given(st.lists(st.tuples(st.floats(-1.5, 1.5), st.floats(-3.0, 3.0), st.integers(1, 60)), min_size=1, max_size=6))
 def test_whatever_is_asked_accelerations_stay_within_their_limits(story: list[tuple[float, float, int]]) -> None:

@@ -11,7 +11,6 @@ from robot_stack.core.config import load
 from robot_stack.wmx import EngineError
 from robot_stack.wmx.api import AxisCommandMode, EngineState, ErrorCode, OperationState
 from robot_stack.wmx.axes import UNTOLD, Flag, StatusSnapshot
-from robot_stack.wmx.failures import ABSENT, BUSY
 from robot_stack.wmx.manipulator.bring_up import BringUp
 from robot_stack.wmx.manipulator.params import ManipulatorStateParams
 from robot_stack.wmx.start_up import Stage
@@ -130,16 +129,12 @@ def test_nothing_is_known_before_the_parameters_are_set():
     assert story.stage is Stage.READY
 
 
-def test_missing_parameter_file_is_warned_of_and_start_continues():
-    story = Story(parameter_file="")
-    assert story.run(2.0) is not None
-    text = "wmx_param_file_path is not set, the engine's parameters stay as they are"
-    assert story.log.lines[0] == f"warning: {text}"
-    assert not [call for call in story.engine.calls if call.startswith("Import")]
-
-
 @pytest.mark.parametrize("code", [ErrorCode.CreateDeviceLockError, ErrorCode.StartProcessLockError])
 def test_a_device_that_is_refused(code: ErrorCode):
+    story = Story()
+    story.refusals = [ErrorCode.IMLibIsNotRunning] * 2
+    story.run(0.2)
+    assert story.text == "waiting for the motion engine"
     story = Story()
     story.refusals = [code] * 3
     story.tick()
@@ -152,23 +147,6 @@ def test_a_device_that_is_refused(code: ErrorCode):
     assert story.text == f"2 attempts failed, still trying: {refusal}"
     story.run(6.0)
     assert story.stage is Stage.READY
-
-
-def test_an_engine_that_is_absent_is_waited_for():
-    story = Story()
-    story.refusals = [ErrorCode.IMLibIsNotRunning] * 20
-    story.run(1.5)
-    assert (story.stage, story.text) == (Stage.CONNECTING, "waiting for the motion engine")
-    story.run(3.0)
-    assert story.stage is Stage.READY
-
-
-def test_a_network_that_runs_is_not_scanned_nor_started():
-    story = Story()
-    story.engine.communicates(True)
-    story.run(2.0)
-    assert story.stage is Stage.READY
-    assert not {"ScanNetwork(0)", "StartCommunication"} & set(story.engine.calls)
 
 
 @pytest.mark.parametrize(
@@ -218,22 +196,6 @@ def test_failed_network_scan_is_warned_of_and_start_continues():
     assert story.engine.calls.count("ScanNetwork(0)") == 1
 
 
-def test_bus_that_ended_without_cause_is_restarted():
-    """The vendor's status names no cause: the restart repairs a cable fault, but also undoes a deliberate stop."""
-    story = Story().up()
-    story.engine.communicates(False, error=UNTOLD)
-    story.run(4.0)
-    assert story.engine.calls == ["StartCommunication"]
-
-
-@pytest.mark.parametrize("code", sorted(ABSENT - BUSY))
-def test_an_engine_that_is_not_up_yet_refuses_nothing(code: int):
-    story = Story()
-    story.refusals = [code] * 3
-    story.tick()
-    assert story.text == "waiting for the motion engine"
-
-
 def test_axis_parameters_that_cannot_be_read_stop_nothing():
     story = Story()
     story.engine.codes["GetAxisParam"] = 1537
@@ -262,22 +224,18 @@ def test_an_alarm_that_stays_keeps_the_servos_off_but_not_the_joint_states():
     assert not [call for call in story.engine.calls if call.startswith("SetServoOn")]
 
 
-def test_servos_are_left_alone_if_so_configured():
-    story = Story(auto_servo_on=False)
-    assert story.run(2.0) is not None
-    assert story.stage is Stage.READY
-    story.engine.flag(Flag.AMP_ALARM, 1, 1)
-    assert story.run(1.0) is not None
-    assert (story.stage, story.text) == (Stage.FAULT, "elbow alarm 0")
-    assert not [call for call in story.engine.calls if "Servo" in call or "Alarm" in call]
-
-
-def test_an_alarm_at_the_start_is_a_fault_if_servos_are_left_alone():
-    story = Story(auto_servo_on=False)
+@pytest.mark.parametrize("at_the_start", [True, False])
+def test_servos_are_left_alone_if_so_configured(at_the_start: bool):
+    story = Story(parameter_file="", auto_servo_on=False)
+    if not at_the_start:
+        assert story.run(2.0) is not None
+        assert story.stage is Stage.READY
     story.engine.flag(Flag.AMP_ALARM, 1, 1)
     assert story.run(2.0) is not None
-    assert (story.stage, story.text) == (Stage.FAULT, "elbow alarm 0")
     assert story.bring_up.started
+    text = "wmx_param_file_path is not set, the engine's parameters stay as they are"
+    assert story.log.lines[0] == f"warning: {text}"
+    assert (story.stage, story.text) == (Stage.FAULT, "elbow alarm 0")
     assert not [call for call in story.engine.calls if "Servo" in call or "Alarm" in call]
 
 
@@ -287,18 +245,15 @@ def test_no_servo_comes_on_during_an_emergency_stop():
     assert story.run(2.0, stop=True) is not None
     assert (story.stage, story.text) == (Stage.STOPPED, "emergency stop")
     assert not [call for call in story.engine.calls if "Servo" in call or "Alarm" in call]
+    story.engine.snapshot = replace(story.engine.snapshot, emergency_stop=True)
+    story.run(2.0)
+    assert (story.stage, story.text) == (Stage.STOPPED, "the engine is in emergency stop")
+    assert not [call for call in story.engine.calls if "Servo" in call or "Alarm" in call]
+    story.engine.snapshot = replace(story.engine.snapshot, emergency_stop=False)
     story.run(2.0)
     assert story.stage is Stage.READY
     story.run(2.0, stop=True)
     assert story.stage is Stage.READY, "servos that are on stay on"
-
-
-def test_no_servo_comes_on_during_the_engines_own_emergency_stop():
-    story = Story()
-    story.engine.snapshot = replace(story.engine.snapshot, emergency_stop=True)
-    story.run(2.0)
-    assert (story.stage, story.text) == (Stage.STOPPED, "the engine is in emergency stop")
-    assert not [call for call in story.engine.calls if "Servo" in call]
 
 
 def test_too_few_axes():
@@ -352,6 +307,14 @@ def test_a_fault_after_the_start_is_an_operators_to_clear(flag: Flag, value: int
     story.tick()
     assert story.stage is Stage.READY
     assert not [call for call in story.engine.calls if call != "GetDeviceName"]
+
+
+def test_bus_that_ended_without_cause_is_restarted():
+    """The vendor's status names no cause: the restart repairs a cable fault, but also undoes a deliberate stop."""
+    story = Story().up()
+    story.engine.communicates(False, error=UNTOLD)
+    story.run(4.0)
+    assert story.engine.calls == ["StartCommunication"]
 
 
 def test_a_bus_that_was_stopped_is_its_stoppers_to_start():
@@ -428,17 +391,14 @@ def test_the_end_takes_back_what_the_start_took():
     assert story.bring_up.end(hurry=False)
 
 
-def test_the_end_leaves_a_bus_that_others_use():
-    story = Story().up()
-    story.engine.n_devices = 2
+@pytest.mark.parametrize(("devices", "stop"), [(2, True), (1, False)], ids=["others use it", "as configured"])
+def test_the_end_leaves_the_bus(devices: int, stop: bool):
+    story = Story(stop_communication=stop)
+    assert story.bring_up.end(hurry=False), "before there was an engine"
+    story = Story(stop_communication=stop).up()
+    story.engine.n_devices = devices
     story.end()
     assert story.engine.calls == ["SetServoOn([0, 1], 0)", "close"]
-
-
-def test_the_end_leaves_the_bus_if_so_configured():
-    story = Story(stop_communication=False).up()
-    story.end()
-    assert "StopCommunication" not in story.engine.calls
 
 
 def test_end_switches_off_only_servos_switched_on_by_bring_up():
@@ -480,10 +440,6 @@ def test_the_bus_stops_after_the_servos_are_off_or_in_a_hurry():
     assert "StopCommunication" not in story.engine.calls
     assert story.bring_up.end(hurry=True)
     assert story.engine.calls[-2:] == ["StopCommunication", "close"]
-
-
-def test_the_end_before_there_was_an_engine():
-    assert Story().bring_up.end(hurry=False)
 
 
 def test_the_end_with_an_engine_that_has_ended():

@@ -132,7 +132,3 @@ def test_an_end_that_takes_too_long_hurries():
     paced.start()
     paced.end()
     assert bring_up.ends[-1] is True
-
-
-def test_the_end_without_a_start():
-    thread(FakeBringUp()).end()

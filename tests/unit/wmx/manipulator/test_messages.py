@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import struct
 
 import pytest
@@ -74,23 +73,9 @@ def test_values_change_from_one_message_to_the_next_and_sent_ones_do_not():
     assert list(deserialize_message(second, JointState).effort) == []
 
 
-def test_an_unset_stamp_after_a_set_one():
-    message = JointStateBytes(NAMES)
-    message.stamped(5_000_000_006)
-    stamp = deserialize_message(message.stamped(0), JointState).header.stamp
-    assert (stamp.sec, stamp.nanosec) == (0, 0)
-
-
 @pytest.mark.parametrize("count", [0, 7, 9])
 def test_another_number_of_values_is_refused(count: int):
     with pytest.raises(struct.error):
         JointStateBytes(NAMES).put([0.0] * count, [0.0] * 8)
     with pytest.raises(struct.error):
         ArrayBytes(8).filled([0.0] * count)
-
-
-@pytest.mark.parametrize("value", [0.045, math.pi, 5e-324, 1.7e308])
-def test_doubles_are_kept_to_the_last_bit(value: float):
-    message = JointStateBytes(["finger"])
-    message.put([value], [0.0])
-    assert deserialize_message(message.stamped(0), JointState).position[0] == value

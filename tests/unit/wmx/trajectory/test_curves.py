@@ -39,14 +39,6 @@ def refusal(points: Waypoints, late_s: float = 0.0, limits: PlanLimits = NO_LIMI
     return caught.value.fault.text
 
 
-def test_velocities_are_driven_through() -> None:
-    """Without velocities the spline would pass the middle at 1.5 rad/s."""
-    spline = plan(through((0.0, 0.0, 0.0, 0.0), (1.0, 1.0, 0.4, 0.0), (2.0, 2.0, 0.0, 0.0)))
-    position, velocity, _ = spline.evaluate(1.0)
-    assert position == pytest.approx(HERE + 1.0, abs=1e-9)
-    assert velocity == pytest.approx([0.4, 0.4], abs=0.02)
-
-
 def test_accelerations_are_driven_through() -> None:
     points = through((0.0, 0.0, 0.0, 0.0), (1.0, 1.0, 0.4, 2.0), (2.0, 2.0, 0.0, 0.0), accelerations=True)
     position, velocity, acceleration = plan(points).evaluate(1.0)
@@ -98,15 +90,6 @@ def test_a_pause_between_velocities_stays_one() -> None:
     assert spline.times_s[-1] == 4.0
     for time_s in np.linspace(1.0, 3.0, 9):
         assert spline.evaluate(time_s)[0] == pytest.approx(HERE + 1.0, abs=1e-4)
-
-
-def test_a_thousand_points_with_velocities() -> None:
-    times = 0.001 * np.arange(1.0, 1001.0)
-    way, speed = 3.0 * times**2 - 2.0 * times**3, 6.0 * times - 6.0 * times**2
-    states = zip(times, way, np.append(speed[:-1], 0.0), speed, strict=True)
-    spline = plan(through(*states))
-    assert len(spline.times_s) >= 990
-    assert spline.evaluate(0.5)[0] == pytest.approx(HERE + 0.5, abs=1e-5)
 
 
 def test_long_ways_take_no_more_points_than_they_need() -> None:
@@ -173,14 +156,8 @@ def test_a_trajectory_that_cannot_be_caught_up_with_is_refused() -> None:
     assert "too late to catch up" in refusal(PLAIN, 2.9999)
     hasty = replace(NO_LIMITS, catch_up_acceleration_radps2=1e6)
     assert plan(PLAIN, 2.99, hasty).times_s[-1] == pytest.approx(0.01)
-
-
-def test_a_late_curve_with_velocities_and_accelerations() -> None:
-    points = through((1.0, 0.5, 0.4, 0.1), (2.0, 1.0, 0.0, 0.0), accelerations=True)
-    spline, due = plan(points, 0.1), curve_of(points.after_rest(HERE))
-    assert spline.evaluate(0.9)[1] == pytest.approx([0.4, 0.4], abs=0.02)
-    for time_s in np.linspace(1.0, 2.0, 10):
-        assert spline.evaluate(time_s - 0.1)[0] == pytest.approx(due(time_s), abs=NEAR_RAD)
+    stay = Waypoints(np.array([0.0, 1.0]), np.vstack([HERE, HERE]))
+    assert plan_spline(stay, 0.5, HERE, JOINTS, NO_LIMITS) is None, "an arm that is there already is never late"
 
 
 @settings(max_examples=60, deadline=None)
@@ -194,11 +171,6 @@ def test_catching_up_asks_no_more_than_is_allowed(late_s: float) -> None:
     own = np.abs(curve_of(PLAIN)(np.linspace(0.0, 3.0, 300), 2)).max()
     assert spline.times_s[-1] == pytest.approx(3.0 - late_s)
     assert spline.max_acceleration().max() <= 1.3 * max(1.5 * own, NO_LIMITS.catch_up_acceleration_radps2)
-
-
-def test_an_arm_that_is_there_already_is_never_late() -> None:
-    stay = Waypoints(np.array([0.0, 1.0]), np.vstack([HERE, HERE]))
-    assert plan_spline(stay, 0.5, HERE, JOINTS, NO_LIMITS) is None
 
 
 # --- speed scaling, turns, the first point ----------------------------------------------------------------------------

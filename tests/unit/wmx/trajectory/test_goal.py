@@ -45,14 +45,6 @@ def with_velocities(**fields: object) -> Goal:
     return replace(goal, points=(goal.points[0], replace(goal.points[1], **fields)))
 
 
-def test_joints_may_come_in_any_order() -> None:
-    goal = check_goal(replace(GOOD, joint_names=("c", "a", "b")), LIMITS, 100.0)
-    assert goal.points.positions.tolist() == [[2.0, 3.0, 1.0], [5.0, 6.0, 4.0]]
-    assert goal.order == (2, 0, 1)
-    assert goal.points.times_s.tolist() == [0.5, 1.5]
-    assert (goal.start_in_s, goal.goal_time_s) == (0.0, 1.0)
-
-
 def test_velocities_and_accelerations_are_those_of_their_joints() -> None:
     point = Point((1.0, 2.0, 3.0), 0.5, (0.1, 0.2, 0.3), (10.0, 20.0, 30.0))
     goal = Goal(("c", "a", "b"), (point, replace(point, time_s=1.5, velocities=(0.0, 0.0, 1e-8))))
