@@ -143,11 +143,12 @@ REFUSED: dict[str, tuple[dict[str, Any], int]] = {
 }
 
 
-class SplineConformance:
+class SplineCallConformance:
     """Needs: a fixture ``harness`` (Harness) with an idle engine."""
 
     def test_spline_buffers(self, harness: Harness) -> None:
-        advanced = _advanced(harness.connect())
+        engine = harness.connect()
+        advanced = _advanced(engine)
         none, already = (
             CoreMotionErrorCode.ChannelBufferMemoryNotAllocated,
             CoreMotionErrorCode.ChannelBufferMemoryAlreadyAllocated,
@@ -160,13 +161,10 @@ class SplineConformance:
             assert advanced.GetSplineBufferPoints(channel) == (GOOD, 20 + channel)
             assert advanced.FreeSplineBuffer(channel) == GOOD
             assert advanced.GetSplineBufferPoints(channel) == (none, 0)
-
-    @pytest.mark.parametrize("channel", [-1, 128])
-    def test_spline_channel_out_of_range(self, harness: Harness, channel: int) -> None:
-        advanced = _advanced(harness.connect())
-        assert advanced.CreateSplineBuffer(channel, 10) == ErrorCode.ChannelOutOfRange
-        assert advanced.FreeSplineBuffer(channel) == ErrorCode.ChannelOutOfRange
-        assert advanced.GetSplineBufferPoints(channel) == (ErrorCode.ChannelOutOfRange, 0)
+        for channel in (-1, 128):
+            assert advanced.CreateSplineBuffer(channel, 10) == ErrorCode.ChannelOutOfRange
+            assert advanced.FreeSplineBuffer(channel) == ErrorCode.ChannelOutOfRange
+            assert advanced.GetSplineBufferPoints(channel) == (ErrorCode.ChannelOutOfRange, 0)
 
     def test_spline_buffers_outlive_devices_and_not_the_engine(self, harness: Harness) -> None:
         one, two = harness.connect("one"), harness.connect("two")
@@ -196,14 +194,6 @@ class SplineConformance:
         assert snapshot.flags[Flag.CMD_DISTRIBUTION_END, AXES].all()
         wait_status(engine, lambda now: np.abs(now.actual_pos[AXES] - points[-1]).max() < 1e-3, "the drives there")
 
-    def test_spline_of_a_thousand_points(self, harness: Harness) -> None:
-        engine = _ready(harness)
-        angle = np.linspace(0.0, 2.0, 1000)
-        points = np.column_stack((np.sin(angle), 1.0 - np.cos(angle), 0.3 * angle))
-        assert spline(engine, points, np.linspace(0.0, 2000.0, 1000).tolist()) == GOOD
-        wait_idle(engine, POS)
-        assert status(engine).pos_cmd[AXES].tolist() == points[-1].tolist()
-
     def test_spline_starts_where_the_command_is(self, harness: Harness) -> None:
         engine = _ready(harness)
         profile = Profile.SetupTrapezoidal(20.0, 400.0, 400.0)
@@ -214,57 +204,37 @@ class SplineConformance:
         assert 0.7 <= snapshot.pos_cmd[POS] < 0.72
         assert engine.core_motion.motion.Stop(POS) == GOOD
 
-    @pytest.mark.parametrize(("changes", "code"), list(REFUSED.values()), ids=list(REFUSED))
-    def test_spline_refused(self, harness: Harness, changes: dict[str, Any], code: int) -> None:
+    def test_spline_refused(self, harness: Harness) -> None:
         engine = _ready(harness)
-        call: dict[str, Any] = {"axes": [POS], "points": [[1.0]], **changes}
-        call.setdefault("times_ms", [100.0 * (k + 1) for k in range(len(call["points"]))])
-        assert spline(engine, **call) == code
+        for name, (changes, code) in REFUSED.items():
+            call: dict[str, Any] = {"axes": [POS], "points": [[1.0]], **changes}
+            call.setdefault("times_ms", [100.0 * (k + 1) for k in range(len(call["points"]))])
+            assert spline(engine, **call) == code, name
+        start, point = _advanced(engine).StartCSplinePos_PointTime, AdvMotion_SplinePoint([1.0])
+        command = AdvMotion_PointTimeSplineCommand(dimensionCount=7, axis=list(range(7)))
+        assert start(CHANNEL, command, 1, [point], [9.0]) == AdvancedMotionErrorCode.DimensionOutOfRange
+        command = AdvMotion_PointTimeSplineCommand(dimensionCount=1, axis=[POS])
+        assert start(CHANNEL, command, 2, [point], [100.0, 200.0]) == ErrorCode.ArgumentOutOfRange
+        assert start(CHANNEL, command, 2, [point, point], [100.0]) == ErrorCode.ArgumentOutOfRange
+        assert _advanced(engine).CreateSplineBuffer(9, 2) == GOOD
+        code = spline(engine, [[0.1], [0.2], [0.3]], [100.0, 200.0, 300.0], [POS], 9)
+        assert code == CoreMotionErrorCode.ChannelNotEnoughSpace
         snapshot = some_cycles(engine)
         assert not snapshot.op_state.any()
         assert not snapshot.pos_cmd[AXES].any()
 
-    def test_spline_of_too_many_dimensions(self, harness: Harness) -> None:
-        engine = _ready(harness)
-        command = AdvMotion_PointTimeSplineCommand(dimensionCount=7, axis=list(range(7)))
-        code = _advanced(engine).StartCSplinePos_PointTime(CHANNEL, command, 1, [AdvMotion_SplinePoint([1.0])], [9.0])
-        assert code == AdvancedMotionErrorCode.DimensionOutOfRange
-
-    def test_spline_with_mismatched_point_count_is_rejected(self, harness: Harness) -> None:
-        engine = _ready(harness)
-        command = AdvMotion_PointTimeSplineCommand(dimensionCount=1, axis=[POS])
-        point = AdvMotion_SplinePoint([1.0])
-        start = _advanced(engine).StartCSplinePos_PointTime
-        assert start(CHANNEL, command, 2, [point], [100.0, 200.0]) == ErrorCode.ArgumentOutOfRange
-        assert start(CHANNEL, command, 2, [point, point], [100.0]) == ErrorCode.ArgumentOutOfRange
-        assert not some_cycles(engine).op_state.any()
-
-    def test_spline_larger_than_its_buffer(self, harness: Harness) -> None:
-        engine = harness.ready()
-        assert _advanced(engine).CreateSplineBuffer(CHANNEL, 2) == GOOD
-        code = spline(engine, [[0.1], [0.2], [0.3]], [100.0, 200.0, 300.0], [POS])
-        assert code == CoreMotionErrorCode.ChannelNotEnoughSpace
-
-    def test_spline_with_a_servo_off(self, harness: Harness) -> None:
-        engine = _ready(harness)
-        engine.core_motion.axisControl.SetServoOn(POS_GEARED, 0)
-        wait_status(engine, lambda now: not now.servo_on[POS_GEARED], "servo off")
-        assert spline(engine, LONG_WAY, LONG_MS) == CoreMotionErrorCode.NotServoOn
-        assert not some_cycles(engine).op_state.any()
-
-    def test_spline_over_another_motion(self, harness: Harness) -> None:
-        engine = _ready(harness)
-        profile = Profile.SetupTrapezoidal(2.0, 400.0, 400.0)
-        assert engine.core_motion.motion.StartPos(Motion_PosCommand(POS_GEARED, 1000.0, profile)) == GOOD
-        assert spline(engine, LONG_WAY, LONG_MS) == CoreMotionErrorCode.NotIdleOrIntplState
-        assert status(engine).op_state[[POS, POS_MIRRORED]].tolist() == [0, 0]
-
-    def test_spline_during_estop(self, harness: Harness) -> None:
+    def test_spline_in_a_wrong_state(self, harness: Harness) -> None:
         engine = _ready(harness)
         assert engine.core_motion.ExecEStop(EStopLevel.Level1) == GOOD
         assert spline(engine, LONG_WAY, LONG_MS) == CoreMotionErrorCode.EmergencyStopSignalOn
         assert engine.core_motion.ReleaseEStop() == GOOD
-        assert spline(engine, LONG_WAY, LONG_MS) == GOOD
+        profile = Profile.SetupTrapezoidal(2.0, 400.0, 400.0)
+        assert engine.core_motion.motion.StartPos(Motion_PosCommand(POS_GEARED, 1000.0, profile)) == GOOD
+        assert spline(engine, LONG_WAY, LONG_MS) == CoreMotionErrorCode.NotIdleOrIntplState
+        engine.core_motion.axisControl.SetServoOn(POS_GEARED, 0)
+        wait_status(engine, lambda now: not now.servo_on[POS_GEARED], "servo off")
+        assert spline(engine, LONG_WAY, LONG_MS) == CoreMotionErrorCode.NotServoOn
+        assert not some_cycles(engine).op_state.any()
 
     def test_commands_over_a_spline(self, harness: Harness) -> None:
         engine = _moving(harness)
@@ -279,6 +249,25 @@ class SplineConformance:
         assert _advanced(engine).CreateSplineBuffer(9, 10) == GOOD
         assert spline(engine, [[1.0]], [100.0], [POS], 9) == CoreMotionErrorCode.NotIdleOrIntplState
         assert _states(status(engine)) == {OperationState.Intpl}
+
+    def test_texts_of_splines(self, harness: Harness) -> None:
+        advanced = harness.connect().advanced_motion
+        close = AdvancedMotionErrorCode.TimeBetweenPointsTooClose
+        assert advanced.ErrorToString(close) not in ("", "error code not defined")
+        assert advanced.ErrorToString(CoreMotionErrorCode.NotServoOn) == "the servo is not on"
+        assert advanced.ErrorToString(123456789) == "error code not defined"
+
+
+class SplineMotionConformance:
+    """Needs: a fixture ``harness`` (Harness) with an idle engine."""
+
+    def test_spline_of_a_thousand_points(self, harness: Harness) -> None:
+        engine = _ready(harness)
+        angle = np.linspace(0.0, 2.0, 1000)
+        points = np.column_stack((np.sin(angle), 1.0 - np.cos(angle), 0.3 * angle))
+        assert spline(engine, points, np.linspace(0.0, 2000.0, 1000).tolist()) == GOOD
+        wait_idle(engine, POS)
+        assert status(engine).pos_cmd[AXES].tolist() == points[-1].tolist()
 
     @pytest.mark.parametrize("name", ["Stop", "Stop_AxisSel", "ExecQuickStop"])
     def test_stop_of_one_axis_stops_all_along_the_path(self, harness: Harness, name: str) -> None:
@@ -346,10 +335,3 @@ class SplineConformance:
         assert engine.core_motion.axisControl.SetServoOn_AxisSel(AxisSelection.of(*range(N_AXES)), 1) == GOOD
         wait_status(engine, lambda now: now.servo_on.all(), "servos on")
         assert spline(engine, [[0.0, 0.0, 0.0]], [100.0]) == GOOD, "the channel is free again"
-
-    def test_texts_of_splines(self, harness: Harness) -> None:
-        advanced = harness.connect().advanced_motion
-        close = AdvancedMotionErrorCode.TimeBetweenPointsTooClose
-        assert advanced.ErrorToString(close) not in ("", "error code not defined")
-        assert advanced.ErrorToString(CoreMotionErrorCode.NotServoOn) == "the servo is not on"
-        assert advanced.ErrorToString(123456789) == "error code not defined"

@@ -267,8 +267,9 @@ MOTIONS: dict[str, Callable[[Bench], Any]] = {
 
 
 class TestEmergencyStop:
-    @pytest.mark.parametrize("level", list(EStopLevel))
-    @pytest.mark.parametrize("cycles", [0, 1, 7, 50])
+    @pytest.mark.parametrize(
+        ("cycles", "level"), [(0, EStopLevel.Level1), (1, EStopLevel.Final), (50, EStopLevel.Level1)]
+    )
     @pytest.mark.parametrize("motion", list(MOTIONS.values()), ids=list(MOTIONS))
     def test_wins_over_everything(self, motion: Callable[[Bench], Any], cycles: int, level: EStopLevel) -> None:
         bench = Bench().ready()
@@ -316,7 +317,7 @@ class TestEmergencyStop:
 
 
 class TestOverrides:
-    @settings(max_examples=60, deadline=None)
+    @settings(max_examples=40, deadline=None)
     @given(
         st.lists(
             st.tuples(
@@ -352,24 +353,6 @@ class TestOverrides:
                 break
             bench.step()
         assert bench.real(Real.POS_CMD)[POS] == target
-
-    @settings(max_examples=60, deadline=None)
-    @given(
-        st.lists(
-            st.tuples(st.integers(1, 60), st.floats(-20.0, 20.0), st.floats(20.0, 500.0), st.floats(20.0, 500.0)),
-            min_size=2,
-            max_size=6,
-        )
-    )
-    def test_velocity_over_velocity_never_jumps(self, commands: list[tuple[int, float, float, float]]) -> None:
-        bench = _shared_bench()
-        for cycles, velocity, acc, dec in commands:
-            assert bench.start_vel(VEL, velocity, acc, dec) == ErrorCode.PyNone
-            for _ in range(cycles):
-                before = bench.real(Real.VELOCITY_CMD)[VEL]
-                bench.step()
-                after = bench.real(Real.VELOCITY_CMD)[VEL]
-                assert abs(after - before) <= max(acc, dec) * CYCLE_S * (1.0 + 1e-6) + 1e-9
 
 
 _BENCH: list[Bench] = []
@@ -426,7 +409,7 @@ class TestRequests:
         | st.dictionaries(st.text(max_size=3), st.floats(), max_size=2)
     )
 
-    @settings(max_examples=500, deadline=None)
+    @settings(max_examples=200, deadline=None)
     @given(st.sampled_from([*METHODS, "nonsense", "", None, 7]), st.lists(VALUES, max_size=4))
     def test_any_arguments(self, method: Any, arguments: list[Any]) -> None:
         bench = _fuzz_bench()

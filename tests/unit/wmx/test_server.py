@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import json
-import random
 import socket
 import struct
 import time
@@ -20,7 +18,6 @@ from robot_stack.core.runtime import AlreadyRunning
 from robot_stack.wmx.api import EngineState, ErrorCode, OperationState
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback
 from robot_stack.wmx.engine_server.engine import Engine
-from robot_stack.wmx.engine_server.requests import METHODS
 from robot_stack.wmx.engine_server.server import EngineServer
 from robot_stack.wmx.engine_server.virtual_drives import VirtualDrives
 from robot_stack.wmx.simulated.channel import StatusView
@@ -55,11 +52,16 @@ MALFORMED = {
 }
 
 
+@pytest.fixture(scope="module")
+def server() -> Iterator[ThreadHarness]:
+    with engine_in_thread() as server:
+        yield server
+
+
 @pytest.fixture
-def harness() -> Iterator[ThreadHarness]:
-    with engine_in_thread() as harness:
-        yield harness
-        harness.end_test()
+def harness(server: ThreadHarness) -> Iterator[ThreadHarness]:
+    yield server
+    server.end_test()
 
 
 class TestProtocol:
@@ -102,41 +104,26 @@ class TestProtocol:
 
 
 class TestMisbehaviour:
-    @pytest.mark.parametrize("data", list(MALFORMED.values()), ids=list(MALFORMED))
-    def test_malformed_request_closes_connection_without_affecting_other_clients(
-        self, harness: ThreadHarness, data: bytes
-    ) -> None:
+    def test_malformed_request_closes_connection_without_affecting_other_clients(self, harness: ThreadHarness) -> None:
         engine = harness.ready()
         assert engine.core_motion.velocity.StartVel(vel(VEL, 2.0)) == ErrorCode.PyNone
-        with harness.raw_socket() as vandal:
-            vandal.sendall(data)
-            assert vandal.recv(100) == b"", "cut off"
+        for name, data in MALFORMED.items():
+            with harness.raw_socket() as vandal:
+                vandal.sendall(data)
+                assert vandal.recv(100) == b"", name
         assert some_cycles(engine, 20).op_state[VEL] == OperationState.Velocity
 
-    def test_client_that_sends_half_a_frame_and_waits(self, harness: ThreadHarness) -> None:
+    def test_frames_in_pieces_and_together(self, harness: ThreadHarness) -> None:
         engine = harness.ready()
-        with harness.raw_socket() as sleeper:
-            sleeper.sendall(struct.pack("<I", 100) + b"[1,")
-            assert engine.api.GetDeviceName()[0] == ErrorCode.PyNone
-            some_cycles(engine, 20)
-
-    def test_frame_byte_by_byte(self, harness: ThreadHarness) -> None:
-        harness.connect()
-        with harness.raw_socket() as slow:
-            for byte in encode([5, "CreateDevice", 0]):
-                slow.sendall(bytes([byte]))
-            (answer,) = Decoder().feed(slow.recv(1000))
-            assert answer[:2] == [5, 0]
-
-    def test_many_requests_in_one_piece(self, harness: ThreadHarness) -> None:
-        harness.connect()
-        with harness.raw_socket() as busy:
-            frames = [encode([0, "CreateDevice", 0])]
-            frames += [encode([number, "WMX3Api.GetDeviceName"]) for number in range(1, 500)]
-            busy.sendall(b"".join(frames))
+        with harness.raw_socket() as client:
+            first = encode([0, "CreateDevice", 0])
+            client.sendall(first[:-1])
+            assert engine.api.GetDeviceName()[0] == ErrorCode.PyNone, "half a frame holds up no other client"
+            frames = [encode([number, "WMX3Api.GetDeviceName"]) for number in range(1, 500)]
+            client.sendall(first[-1:] + b"".join(frames))
             decoder, answers = Decoder(), []
             while len(answers) < 500:
-                answers += decoder.feed(busy.recv(65536))
+                answers += decoder.feed(client.recv(65536))
         assert [answer[0] for answer in answers] == list(range(500)), "all, in order"
         assert all(answer[1] == 0 for answer in answers)
 
@@ -195,24 +182,6 @@ class TestMisbehaviour:
             finally:
                 harness.stop()
 
-    def test_seeded_random_frames(self, harness: ThreadHarness) -> None:
-        """1000 requests of known names with random arguments: each one is answered and the engine keeps running."""
-        seed = 20250101
-        rng = random.Random(seed)
-        engine = harness.ready()
-        harmless = [name for name in METHODS if name not in ("StopEngine", "CloseDevice")]
-        with harness.raw_socket() as fuzzer:
-            decoder = Decoder()
-            for number in range(1000):
-                arguments = [_random_value(rng) for _ in range(rng.randrange(5))]
-                method = "CreateDevice" if number == 0 else rng.choice(harmless)
-                fuzzer.sendall(encode([number, method, *(arguments if number else [0])]))
-                answers = decoder.feed(fuzzer.recv(1 << 20))
-                while not answers:
-                    answers = decoder.feed(fuzzer.recv(1 << 20))
-                assert answers[0][0] == number, f"seed {seed}, request {number}: {method} {arguments}"
-        assert engine.api.GetDeviceName()[0] == ErrorCode.PyNone
-
 
 class _EndlessTalk:
     """Repeats one well-formed frame, cut at arbitrary places by the socket's buffer."""
@@ -239,19 +208,6 @@ def _is_closed(connection: socket.socket) -> bool:
         return False
     except OSError:
         return True
-
-
-def _random_value(rng: random.Random, depth: int = 0) -> object:
-    simple = [
-        lambda: rng.choice([0, 1, -1, 2, N_AXES, 2**31, -(2**63), 10**30]),
-        lambda: rng.choice([0.0, -0.0, 1e-320, 1e308, float("nan"), float("inf"), float("-inf"), rng.gauss(0, 10)]),
-        lambda: rng.choice(["", "home", "feedback", "alarm", "\x00", "x" * 100]),
-        lambda: rng.choice([None, True, False]),
-    ]
-    if depth < 3:
-        simple.append(lambda: [_random_value(rng, depth + 1) for _ in range(rng.randrange(9))])
-        simple.append(lambda: {"homeType": _random_value(rng, depth + 1), "inPosWidth": 1.0})
-    return rng.choice(simple)()
 
 
 class Manual:
@@ -395,7 +351,3 @@ class TestPace:
             assert all(after <= before for before, after in pairwise(speeds))
             assert speeds[-1] == 0.0
             engine.close()
-
-
-def test_answers_are_json(manual: Manual) -> None:
-    assert json.loads(encode([1, int(ErrorCode.PyNone), "x"])[4:]) == [1, 0, "x"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,9 +18,7 @@ from robot_stack.wmx.api import (
     DetailOperationState,
     ErrorCode,
     EStopLevel,
-    Motion_PosCommand,
     OperationState,
-    Profile,
 )
 from robot_stack.wmx.axes import Flag, Real
 from robot_stack.wmx.engine_server import spline_kernel
@@ -50,16 +48,10 @@ def arm() -> Arm:
     return Arm()
 
 
-_SHARED: list[Arm] = []
-
-
-@pytest.fixture
-def shared() -> Iterator[Arm]:
-    """One arm for tests that restore its state: at rest and without faults."""
-    if not _SHARED:
-        _SHARED.append(Arm())
-    yield _SHARED[0]
-    assert _SHARED[0].engine.at_rest
+@pytest.fixture(scope="module")
+def shared() -> Arm:
+    """One arm for requests that change nothing."""
+    return Arm()
 
 
 class TestCurve:
@@ -76,7 +68,7 @@ class TestCurve:
         assert arm.position.tolist() == [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         assert not arm.velocity.any()
 
-    @settings(max_examples=60, deadline=None)
+    @settings(max_examples=40, deadline=None)
     @given(st.integers(1, 40), st.integers(1, 6), st.integers(0, 2**32 - 1))
     def test_any_curve_against_another_implementation(self, n: int, d: int, seed: int) -> None:
         random = np.random.default_rng(seed)
@@ -132,25 +124,6 @@ class TestCurve:
         assert arm.position[axes].tolist() == list(points[-1])
         assert cycles == math.ceil(round(times[-1], 6))
 
-    def test_thousand_points_of_six_axes(self, arm: Arm) -> None:
-        random = np.random.default_rng(5)
-        times = np.cumsum(random.uniform(1.0, 3.0, 1000))
-        points = np.cumsum(random.normal(0.0, 1e-3, (1000, N_ARM)), axis=0)
-        other = clamped(points, times)
-        assert arm.start(points, times) == GOOD
-        arm.step(700)
-        assert arm.position == pytest.approx(other(0.7), abs=1e-12)
-        arm.at_rest()
-        assert arm.position.tolist() == points[-1].tolist()
-
-    def test_starts_where_the_command_is(self, arm: Arm) -> None:
-        assert arm.start([[0.5]], [200.0], axes=[1]) == GOOD
-        arm.at_rest()
-        other = clamped([[0.2]], [300.0], [0.5])
-        assert arm.start([[0.2]], [300.0], axes=[1]) == GOOD
-        arm.step(100)
-        assert arm.position[1] == pytest.approx(float(other(0.1)[0]), abs=1e-12)
-
     @pytest.mark.parametrize("first", [0.0, 123.0], ids=["present position", "anywhere"])
     def test_first_point_at_time_zero_is_passed_over(self, arm: Arm, first: float) -> None:
         assert arm.start([[first], [1.0]], [0.0, 1000.0], axes=[0]) == GOOD
@@ -182,12 +155,6 @@ class TestCurve:
         assert arm.start([[0.5, 0.5], [0.5, 0.7]], [100.0, 200.0], axes=[0, 1]) == GOOD
         arm.step(199)
         assert arm.states == {OperationState.Idle, OperationState.Intpl}
-
-    def test_drives_follow(self, arm: Arm) -> None:
-        assert arm.start() == GOOD
-        arm.at_rest()
-        arm.step(60)
-        assert arm.real(Real.ACTUAL_POS) == pytest.approx(WAY[-1], abs=1e-4)
 
 
 class TestStatus:
@@ -239,14 +206,6 @@ class TestBuffers:
     def test_larger_than_there_is_memory_for(self, shared: Arm) -> None:
         assert shared.splines.create(9, 10**9) == CoreMotionErrorCode.ChannelBufferMemoryFailedToAllocate
 
-    def test_one_spline_per_channel_at_a_time(self, arm: Arm) -> None:
-        assert arm.start([[1.0]], [100.0], axes=[0]) == GOOD
-        busy = CoreMotionErrorCode.ChannelExecutingCommands
-        assert arm.start([[1.0]], [100.0], axes=[1]) == busy
-        assert arm.splines.free(CHANNEL) == busy
-        arm.step(100)
-        assert arm.start([[1.0]], [100.0], axes=[1]) == GOOD
-
     def test_two_channels_at_once(self, arm: Arm) -> None:
         assert arm.splines.create(0, 10) == GOOD
         assert arm.start([[1.0, 2.0]], [100.0], axes=[0, 1]) == GOOD
@@ -285,16 +244,16 @@ REFUSED: dict[str, tuple[dict[str, Any], int]] = {
 
 
 class TestRefusals:
-    @pytest.mark.parametrize(("changes", "code"), list(REFUSED.values()), ids=list(REFUSED))
-    def test_arguments(self, arm: Arm, changes: dict[str, Any], code: int) -> None:
+    def test_arguments(self, arm: Arm) -> None:
         arm.splines.create(4, 2)
-        call: dict[str, Any] = {"axes": [0], "points": [[1.0]], **changes}
-        call.setdefault("times_ms", [100.0 * (k + 1) for k in range(len(call["points"]))])
-        assert arm.start(**call) == code
-        arm.step(3)
-        assert arm.engine.at_rest
-        assert not arm.position.any()
-        assert arm.start([[1.0]], [100.0], axes=[0]) == GOOD, "nothing of the refused one is left"
+        for name, (changes, code) in REFUSED.items():
+            call: dict[str, Any] = {"axes": [0], "points": [[1.0]], **changes}
+            call.setdefault("times_ms", [100.0 * (k + 1) for k in range(len(call["points"]))])
+            assert arm.start(**call) == code, name
+            arm.step(3)
+            assert arm.engine.at_rest
+            assert not arm.position.any()
+        assert arm.start([[1.0]], [100.0], axes=[0]) == GOOD, "nothing of the refused ones is left"
 
     def test_closest_times_allowed(self, arm: Arm) -> None:
         assert arm.start([[1.0], [1.001]], [1000.0, 1000.001], axes=[0]) == GOOD
@@ -316,22 +275,6 @@ class TestRefusals:
         assert arm.flag(Flag.POSITIVE_SOFT_LIMIT)[0]
         assert arm.start([[1.6]], [1000.0], axes=[0]) == ErrorCode.AxisSoftLimit
         assert arm.start([[0.5]], [1000.0], axes=[0]) == GOOD
-
-    def test_commands_over_a_running_spline(self, arm: Arm) -> None:
-        arm.moving()
-        before = arm.velocity
-        profile = Profile.SetupTrapezoidal(1.0, 10.0, 10.0)
-        for relative in (False, True):
-            code = arm.motion.start_position(arm.device, [Motion_PosCommand(2, 1.0, profile)], relative=relative)
-            assert code == CoreMotionErrorCode.NotIdleOrPosState
-        assert arm.engine.set_mode(2, AxisCommandMode.Velocity) == ErrorCode.NotIdleState
-        assert arm.engine.start_home([2]) == ErrorCode.NotIdleState
-        assert arm.engine.set_position(2, Real.POS_CMD, 0.0) == ErrorCode.NotIdleState
-        assert arm.engine.set_gear(2, 1.0, 1.0) == ErrorCode.NotIdleState
-        assert arm.engine.set_polarity(2, 1) == ErrorCode.NotIdleState
-        arm.step()
-        assert arm.states == {OperationState.Intpl}
-        assert arm.velocity == pytest.approx(before, abs=0.05)
 
 
 _RESTED: list[Arm] = []
@@ -358,12 +301,11 @@ STOPS: dict[str, Stop] = {
 
 
 class TestStops:
-    @pytest.mark.parametrize("axis", [0, 5])
     @pytest.mark.parametrize("stop", list(STOPS.values()), ids=list(STOPS))
-    def test_all_axes_come_to_rest_on_the_path(self, arm: Arm, stop: Stop, axis: int) -> None:
+    def test_all_axes_come_to_rest_on_the_path(self, arm: Arm, stop: Stop) -> None:
         curve = clamped(WAY, WAY_MS)
         arm.moving()
-        assert stop(arm, axis) == GOOD
+        assert stop(arm, 5) == GOOD
         assert arm.states == {OperationState.Stop}
         before = arm.velocity
         while not arm.engine.at_rest:
@@ -412,7 +354,7 @@ class TestStops:
         assert hardest <= 1.05 * greatest
         assert cycles * CYCLE_S >= 0.9 * speed / greatest
 
-    @settings(max_examples=40, deadline=None)
+    @settings(max_examples=25, deadline=None)
     @given(st.integers(0, 2**32 - 1), st.floats(0.0, 1.0), st.sampled_from(["Stop", "ExecQuickStop"]))
     def test_bounded_in_time_and_deceleration_wherever_it_begins(self, seed: int, when: float, name: str) -> None:
         """The two guarantees of the spline kernel, on curves without limits of their own."""
@@ -479,12 +421,6 @@ class TestStops:
         assert arm.position[:2].max() < 1.0
         assert arm.position[2:4].tolist() == [1.0, 1.0]
         assert arm.flag(Flag.MOTION_COMPLETE)[:4].tolist() == [0, 0, 1, 1]
-
-    def test_wrong_mode_of_stop(self, arm: Arm) -> None:
-        arm.moving()
-        assert arm.motion.stop([0], AxisCommandMode.Velocity) == CoreMotionErrorCode.NotVelocityMode
-        assert arm.states == {OperationState.Intpl}
-        arm.motion.stop([0], POSITION)
 
 
 class TestFaults:
@@ -575,8 +511,9 @@ class TestFaults:
         arm.step(20)
         assert arm.start() == GOOD, "the channel is free"
 
-    @pytest.mark.parametrize("level", list(EStopLevel))
-    @pytest.mark.parametrize("cycles", [1, 300, 900, 1900])
+    @pytest.mark.parametrize(
+        ("cycles", "level"), [(1, EStopLevel.Level1), (900, EStopLevel.Final), (1900, EStopLevel.Level1)]
+    )
     def test_emergency_stop(self, arm: Arm, cycles: int, level: EStopLevel) -> None:
         assert arm.start() == GOOD
         arm.step(cycles)
@@ -605,15 +542,6 @@ class TestFaults:
         assert (np.abs(arm.velocity) <= np.maximum(before - ESTOP_DEC * CYCLE_S, 0.0) + 1e-9).all()
         assert arm.at_rest() < 100
 
-    def test_client_that_dies(self, arm: Arm) -> None:
-        arm.engine.create_device(0)
-        arm.moving()
-        arm.engine.remove_device(arm.device)
-        arm.at_rest()
-        assert arm.position == pytest.approx(WAY[-1], abs=1e-9), (
-            "nothing but its end stops a spline whose client is gone"
-        )
-
     def test_bus_lost(self, arm: Arm) -> None:
         arm.moving()
         arm.drives.connected = False
@@ -621,13 +549,6 @@ class TestFaults:
         assert not arm.engine.condition.communicating
         assert arm.engine.at_rest
         assert set(arm.flag(Flag.END_REASON)) == {ErrorCode.ServoOffline}
-
-    def test_a_few_lost_cycles_do_not_stop_it(self, arm: Arm) -> None:
-        arm.moving()
-        arm.drives.lose_cycles = 5
-        arm.step(10)
-        assert arm.states == {OperationState.Intpl}
-        assert arm.position == pytest.approx(clamped(WAY, WAY_MS)(0.91), abs=1e-12)
 
     def test_stop_engine(self, arm: Arm) -> None:
         arm.moving()
@@ -662,7 +583,7 @@ class TestWire:
         answer = execute(shared.engine, Session(shared.device), "StartSpline", arguments)
         assert answer == (ErrorCode.ArgumentOutOfRange, [])
 
-    @settings(max_examples=80, deadline=None)
+    @settings(max_examples=40, deadline=None)
     @given(st.data())
     def test_any_numbers(self, data: st.DataObject) -> None:
         """For any points and times: an answer, and a finite state, in motion and during the stop."""
