@@ -26,17 +26,15 @@ SHIPPED = config_dir()
 
 
 class TestRobotsEngine:
-    def test_axes_are_the_robots_joints_in_order(self) -> None:
-        corners = ("fl", "fr", "rl", "rr")
-        names = [axis.name for axis in load_engine_config().axes]
-        assert names == [f"{corner}_{joint}" for corner in corners for joint in ("drive", "steer")]
-
     def test_axes_follow_the_robots_numbers(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         robot = read_yaml(config_dir() / "robot.yaml")
         robot["axes"]["rr_steer"]["number"] = 9
         (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot), encoding="utf-8")
         monkeypatch.setenv("ROBOT_STACK_CONFIG", str(tmp_path))
-        names = [axis.name for axis in read_engine_config(SHIPPED / "wmx_engine.yaml").axes]
+        config = read_engine_config(SHIPPED / "wmx_engine.yaml")
+        assert config.cycle_time_s == 0.001
+        names = [axis.name for axis in config.axes]
+        assert names[:4] == ["fl_drive", "fl_steer", "fr_drive", "fr_steer"]
         assert names[6:] == ["rr_drive", "axis7", "axis8", "rr_steer"]
 
     def test_it_starts_with_the_vendors_defaults(self) -> None:
@@ -48,9 +46,6 @@ class TestRobotsEngine:
         assert of_axes == [list(AXIS_ENTRIES.values())] * 8
         assert AXIS_ENTRIES[ESTOP_DEC] == 100000.0
         assert not engine.parameters.emergency_stop.enableEStopSignal
-
-    def test_cycle_is_a_millisecond(self) -> None:
-        assert load_engine_config().cycle_time_s == 0.001
 
     def test_client(self) -> None:
         config = load_client_config()
@@ -114,7 +109,7 @@ def test_bad_engine_configuration(changes: dict[str, Any], message: str) -> None
 
 
 @pytest.mark.parametrize("field", ["call_timeout_s", "status_stale_s", "connect_timeout_s", "lock_retry_s"])
-@pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, "soon"])
+@pytest.mark.parametrize("value", [0.0, math.inf])
 def test_bad_client_configuration(field: str, value: Any) -> None:
     with runtime_folder() as folder:
         data = client_config(folder).model_dump()

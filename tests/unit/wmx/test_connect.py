@@ -82,47 +82,47 @@ def test_vendors_paths_mean_the_stacks_own_folder(folder: Path, monkeypatch: pyt
         harness.stop()
 
 
-def test_api_objects_of_one_library_do_not_take_devices_of_another() -> None:
-    library = simulated_library(1.0, 0.1)
-    with pytest.raises(TypeError, match="must be one of the simulated engine"):
-        library.CoreMotion(object())  # type: ignore[arg-type]
+# Numbers confirmed by the vendor's C++ application and public samples, and the numbers derived from them.
+NUMBERS = {
+    ErrorCode: {
+        "PyNone": 0,
+        "StartProcessFailed": 256,
+        "CreateDeviceLockError": 297,
+        "DeviceIsNull": 301,
+        "StartCommunicationError": 1288,
+        "CommNotStarted": 1537,
+        "NotIdleState": 1546,
+        "AxisOutOfRange": 1547,
+        "IOAddressOutOfRange": 1550,
+        "ArgumentOutOfRange": 1555,
+        "ServoOff": 1567,
+        "AxisHardLimit": 1572,
+    },
+    CoreMotionErrorCode: {
+        "ParameterSettingsInvalid": 65536,
+        "CurrentEmergencyStopLevelIsHigher": 65546,
+        "NotServoOn": 65556,
+        "NotIdleOrVelocityState": 65560,
+        "NotVelocityMode": 65572,
+        "DecArgumentOutOfRange": 65583,
+        "WaitTimeout": 65616,
+        "ChannelBufferMemoryNotAllocated": 65627,
+        "EmergencyStopSignalOn": 65632,
+    },
+}
 
 
-def test_error_names_and_texts() -> None:
-    assert error_name(297) == "CreateDeviceLockError"
-    assert error_name(CoreMotionErrorCode.NotVelocityMode) == "NotVelocityMode"
+def test_error_numbers_names_and_texts() -> None:
+    for kind, numbers in NUMBERS.items():
+        assert {name: kind[name].value for name in numbers} == numbers
+        assert {name: error_name(number) for name, number in numbers.items()} == {name: name for name in numbers}
     assert error_name(8193) == "ScanNetworkFailed"
     assert error_name(94210) == "SplineStartingPositionNotCurrentPosition"
     assert error_name(424242) == "424242"
     assert error_text(1563, ErrorCode) == "starting previous command"
 
 
-# Numbers confirmed by the vendor's C++ application and public samples, and the numbers derived from them.
-@pytest.mark.parametrize(
-    ("member", "number"),
-    [
-        (ErrorCode.PyNone, 0),
-        (ErrorCode.StartProcessFailed, 256),
-        (ErrorCode.CreateDeviceLockError, 297),
-        (ErrorCode.DeviceIsNull, 301),
-        (ErrorCode.StartCommunicationError, 1288),
-        (ErrorCode.CommNotStarted, 1537),
-        (ErrorCode.NotIdleState, 1546),
-        (ErrorCode.AxisOutOfRange, 1547),
-        (ErrorCode.IOAddressOutOfRange, 1550),
-        (ErrorCode.ArgumentOutOfRange, 1555),
-        (ErrorCode.ServoOff, 1567),
-        (ErrorCode.AxisHardLimit, 1572),
-        (CoreMotionErrorCode.ParameterSettingsInvalid, 65536),
-        (CoreMotionErrorCode.CurrentEmergencyStopLevelIsHigher, 65546),
-        (CoreMotionErrorCode.NotServoOn, 65556),
-        (CoreMotionErrorCode.NotIdleOrVelocityState, 65560),
-        (CoreMotionErrorCode.NotVelocityMode, 65572),
-        (CoreMotionErrorCode.DecArgumentOutOfRange, 65583),
-        (CoreMotionErrorCode.WaitTimeout, 65616),
-        (CoreMotionErrorCode.ChannelBufferMemoryNotAllocated, 65627),
-        (CoreMotionErrorCode.EmergencyStopSignalOn, 65632),
-    ],
-)
-def test_error_numbers(member: int, number: int) -> None:
-    assert member == number
+def test_api_objects_of_one_library_do_not_take_devices_of_another() -> None:
+    library = simulated_library(1.0, 0.1)
+    with pytest.raises(TypeError, match="must be one of the simulated engine"):
+        library.CoreMotion(object())  # type: ignore[arg-type]

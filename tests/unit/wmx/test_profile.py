@@ -90,9 +90,6 @@ class TestByHand:
         assert evaluate(plan, n, 2.0)[:2] == pytest.approx((2.0, 0.0)), "overshoots to 2 and comes back"
         assert evaluate(plan, n, 99.0)[0] == pytest.approx(1.0)
 
-    def test_target_at_the_present_position_with_speed(self) -> None:
-        assert plan_position(empty(), 1.0, 2.0, 1.0, 5.0, 1.0, 1.0, OVERTRAVEL_CHANGE_DECELERATION) == 0
-
     def test_velocity_through_zero(self) -> None:
         # From 2 to -3 rad/s: falls at 4 for 0.5 s, grows at 2 for 1.5 s.
         plan = empty()
@@ -103,24 +100,11 @@ class TestByHand:
         assert evaluate(plan, n, 3.0)[:2] == pytest.approx((0.5 - 2.25 - 3.0, -3.0))
         assert math.isinf(remaining(plan, n, 3.0))
 
-    def test_zero_rate_is_a_step(self) -> None:
-        plan = empty()
-        n = plan_velocity(plan, 0.0, 5.0, -5.0, 0.0, 0.0)
-        assert evaluate(plan, n, 0.0)[1] == -5.0
-
-    def test_stop(self) -> None:
-        plan = empty()
-        n = plan_stop(plan, 1.0, -4.0, 2.0)
-        assert evaluate(plan, n, 1.0)[:3] == pytest.approx((-2.0, -2.0, 2.0))
-        assert evaluate(plan, n, 2.0) == pytest.approx((-3.0, 0.0, 0.0, True))
-        assert plan_stop(plan, 1.0, 0.0, 2.0) == 0
-        assert plan_stop(plan, 1.0, 3.0, 0.0) == 0
-
 
 class TestProperties:
     # A distance so short that no deceleration stops within it.
     @example(start=0.0, speed=1.0, target=2.2e-313, limit=1.0, acc=1.0, dec=1.0, overtravel=1)
-    @settings(max_examples=300, deadline=None)
+    @settings(max_examples=150, deadline=None)
     @given(positions, velocities, positions, limits, rates, rates, overtravels)
     def test_position_plan_arrives(
         self, start: float, speed: float, target: float, limit: float, acc: float, dec: float, overtravel: int
@@ -137,7 +121,7 @@ class TestProperties:
         assert np.isfinite(plan[:n]).all()
         assert (np.diff(plan[:n, 0], prepend=0.0) > 0.0).all()
 
-    @settings(max_examples=300, deadline=None)
+    @settings(max_examples=150, deadline=None)
     @given(positions, velocities, positions, limits, rates, rates, overtravels)
     def test_position_plan_keeps_its_limits(
         self, start: float, speed: float, target: float, limit: float, acc: float, dec: float, overtravel: int
@@ -151,7 +135,7 @@ class TestProperties:
                 allowed = acc if growing else dec if velocity else max(acc, dec)
                 assert abs(acceleration) <= allowed * (1.0 + 1e-9)
 
-    @settings(max_examples=300, deadline=None)
+    @settings(max_examples=150, deadline=None)
     @given(positions, velocities, positions, limits, rates, rates)
     def test_braking_harder_happens_only_when_needed_and_just_enough(
         self, start: float, speed: float, target: float, limit: float, acc: float, dec: float
@@ -165,7 +149,7 @@ class TestProperties:
             assert too_late
             assert hardest == pytest.approx(speed * speed / (2.0 * abs(distance)), rel=1e-6)
 
-    @settings(max_examples=300, deadline=None)
+    @settings(max_examples=150, deadline=None)
     @given(positions, velocities, positions, limits, rates, rates, overtravels)
     def test_position_plan_is_continuous(
         self, start: float, speed: float, target: float, limit: float, acc: float, dec: float, overtravel: int
@@ -180,24 +164,7 @@ class TestProperties:
             assert plan[k + 1, 1] == pytest.approx(position, abs=1e-6)
             assert plan[k + 1, 2] == pytest.approx(plan[k, 2] + plan[k, 3] * duration, abs=1e-6)
 
-    @settings(max_examples=200, deadline=None)
-    @given(positions, velocities, positions, limits, rates, rates)
-    def test_plan_renewed_on_the_way_changes_nothing(
-        self, start: float, speed: float, target: float, limit: float, acc: float, dec: float
-    ) -> None:
-        """Repeating the same command, as a controller does at 20 Hz, follows the same curve to its end."""
-        plan, again = empty(), empty()
-        n = plan_position(plan, start, speed, target, limit, acc, dec, OVERTRAVEL_CHANGE_DECELERATION)
-        if n == 0 or (n == 1 and plan[0, 3] * plan[0, 2] < 0.0):
-            return  # braking harder than requested: the harder deceleration is not part of the command
-        end = plan[n - 1, 0]
-        for part in (0.25, 0.5, 0.9):
-            position, velocity, _, _ = evaluate(plan, n, part * end)
-            m = plan_position(again, position, velocity, target, limit, acc, dec, OVERTRAVEL_CHANGE_DECELERATION)
-            rest = again[m - 1, 0] if m else 0.0
-            assert rest == pytest.approx((1.0 - part) * end, rel=1e-3, abs=1e-4)
-
-    @settings(max_examples=300, deadline=None)
+    @settings(max_examples=150, deadline=None)
     @given(positions, velocities, velocities, st.just(0.0) | rates, st.just(0.0) | rates)
     def test_velocity_plan(self, start: float, speed: float, wanted: float, acc: float, dec: float) -> None:
         plan = empty()
@@ -217,7 +184,7 @@ class TestProperties:
                 allowed = [acc if growing else dec] if velocity else [acc, dec]
                 assert abs(acceleration) in [pytest.approx(rate) for rate in allowed]
 
-    @settings(max_examples=200, deadline=None)
+    @settings(max_examples=100, deadline=None)
     @given(positions, velocities, rates)
     def test_stop_plan(self, start: float, speed: float, dec: float) -> None:
         plan = empty()
@@ -232,7 +199,7 @@ class TestProperties:
         assert velocity == 0.0
         assert end == pytest.approx(start + speed * abs(speed) / (2.0 * dec), abs=1e-6)
 
-    @settings(max_examples=200, deadline=None)
+    @settings(max_examples=100, deadline=None)
     @given(*[st.floats(allow_nan=False, allow_infinity=False, min_value=-1e9, max_value=1e9)] * 3, overtravels)
     def test_extreme_but_legal_numbers_stay_finite(
         self, start: float, speed: float, target: float, overtravel: int
@@ -244,18 +211,3 @@ class TestProperties:
             assert all(math.isfinite(x) for x in evaluate(plan, n, 1.0)[:3]) or n == 0
             n = plan_velocity(plan, start, speed, -speed, acc, dec)
             assert np.isfinite(plan[:n, 1:]).all()
-
-    @settings(max_examples=100, deadline=None)
-    @given(positions, velocities, positions, limits, rates, rates, st.floats(1e-4, 5e-3))
-    def test_sampled_velocity_never_jumps(
-        self, start: float, speed: float, target: float, limit: float, acc: float, dec: float, cycle: float
-    ) -> None:
-        """The velocity sent to a drive from cycle to cycle, including the end of the plan."""
-        plan = empty()
-        n = plan_position(plan, start, speed, target, limit, acc, dec, OVERTRAVEL_DISABLED)
-        before = speed
-        steps = min(3000, math.ceil((plan[n - 1, 0] if n else 0.0) / cycle) + 2)
-        for k in range(1, steps):
-            _, velocity, _, _ = evaluate(plan, n, k * cycle)
-            assert abs(velocity - before) <= max(acc, dec) * cycle * (1.0 + 1e-6) + 1e-9
-            before = velocity

@@ -97,11 +97,9 @@ class TestExport:
         assert (stop.eStopSignalByteAddress, stop.eStopSignalBitAddress) == (edge.byte, edge.relay_input_bit)
         assert (stop.eStopSignalSource, stop.eStopSignalLevel) == (Config_EStopSignalSource.Input, EStopLevel.Level1)
 
-    def test_a_robot_without_an_edge_has_no_input_that_stops_the_engine(self) -> None:
-        data = {**ROBOT.model_dump(), "safety_edge": None}
-        assert robot_parameters(validate(Robot, data, "robot.yaml")).estop_signal is None
-
     def test_gear_polarity_and_zero(self) -> None:
+        without_edge = validate(Robot, {**ROBOT.model_dump(), "safety_edge": None}, "robot.yaml")
+        assert robot_parameters(without_edge).estop_signal is None
         geared = robot(
             drive={"encoder_counts_per_rev": 131072, "gear_numerator": 25.0, "gear_denominator": 2.0},
             axes={"fr_drive": {"polarity": -1}, "rl_steer": {"zero_rad": 0.25}},
@@ -128,41 +126,26 @@ class TestExport:
     ("changes", "message"),
     [
         ({"axes": {"fl_steer": {"number": 0}}}, "axes.fl_steer.number 0 is fl_drive's too"),
-        ({"axes": {"fl_steer": {"number": 128}}}, "axes.fl_steer.number: Input should be less than 128"),
-        ({"axes": {"fl_steer": {"number": -1}}}, "axes.fl_steer.number: Input should be greater than or equal to 0"),
         ({"axes": {"fl_steer": {"polarity": 0}}}, "axes.fl_steer.polarity: Input should be 1 or -1"),
         ({"axes": {"fl_drive": {"zero_rad": 0.1}}}, "axes.fl_drive.zero_rad must be 0 without an absolute encoder"),
-        ({"axes": {"fl_steer": {"zero_rad": math.nan}}}, "axes.fl_steer.zero_rad: Input should be a finite number"),
-        ({"axes": {"arm": {"number": 9, "polarity": 1}}}, "axes must have the joints .*; arm is no joint"),
-        ({"drive": {"gear_numerator": math.nan}}, "drive.gear_numerator: Input should be"),
-        ({"drive": {"gear_denominator": 0.0}}, "drive.gear_denominator: Input should be greater than 0"),
         ({"drive": {"gear_numerator": 1e6}}, "must be within 1..2147483647, the engine's gear ratios, is 1.6384e\\+10"),
-        ({"steer": {"encoder_counts_per_rev": 0}}, "steer.encoder_counts_per_rev: Input should be greater than 0"),
-        ({"steer": {"rated_torque_nm": -1.0}}, "steer.rated_torque_nm: Input should be greater than 0"),
-        (
-            {"steer": {"emergency_deceleration_radps2": math.inf}},
-            "emergency_deceleration_radps2: Input should be",
-        ),
         ({"steer": {"homing": {"type": "limit_switch"}}}, "steer.homing.type: Input should be 'current_position' or"),
     ],
 )
 def test_wrong_axes_are_refused(changes: dict[str, Any], message: str) -> None:
-    for section, values in changes.items():
-        for name in values:
-            if section == "axes" and name not in JOINTS:
-                data = ROBOT.model_dump()
-                data["axes"] |= values
-                with pytest.raises(ConfigError, match=message):
-                    validate(Robot, data, "robot.yaml")
-                return
     with pytest.raises(ConfigError, match=message):
         robot(**changes)
 
 
-def test_a_joint_without_an_axis_is_refused() -> None:
+@pytest.mark.parametrize("message", ["axes must have the joints .*; arm is no joint", "; rr_drive is missing"])
+def test_axes_are_those_of_the_joints(message: str) -> None:
     data = ROBOT.model_dump()
-    del data["axes"]["rr_drive"]
-    with pytest.raises(ConfigError, match=r"axes must have the joints .*; rr_drive is missing"):
+    axes = data["axes"]
+    if "arm" in message:
+        axes["arm"] = {**axes["rr_drive"], "number": 9}
+    else:
+        del axes["rr_drive"]
+    with pytest.raises(ConfigError, match=message):
         validate(Robot, data, "robot.yaml")
 
 
@@ -198,14 +181,11 @@ class TestReadBack:
         bench = Bench(replace(PARAMETERS, axes=axes))
         assert list(differences(bench.device, PARAMETERS, NAMES)) == [f"axis 4 (rl_drive): {text}"]
 
-    def test_zero_of_an_absolute_encoder_is_compared(self) -> None:
+    def test_other_axes_of_the_engine_are_not_compared(self) -> None:
         bench = Bench()
         moved = robot_parameters(robot(axes={"fl_steer": {"zero_rad": 0.25}}))
         expected = ["axis 1 (fl_steer): absoluteEncoderHomeOffset is 0, expected 0.25"]
         assert list(differences(bench.device, moved, NAMES)) == expected
-
-    def test_other_axes_of_the_engine_are_not_compared(self) -> None:
-        bench = Bench()
         assert bench.engine.set_gear(7, 1.0, 1.0) == 0
         assert list(differences(bench.device, PARAMETERS, {axis: NAMES[axis] for axis in range(7)})) == []
 
@@ -280,17 +260,12 @@ class TestHoming:
         with pytest.raises(HomingError, match="the robot must stand, these move: fl_drive"):
             self.home(bench)
 
-    def test_emergency_stop_is_respected(self, bench: Bench) -> None:
+    def test_bus_servos_and_no_emergency_stop_are_needed(self, bench: Bench) -> None:
+        with pytest.raises(HomingError, match="servo off: fl_steer, fr_steer, rl_steer, rr_steer; the drive"):
+            self.home(Bench(self.INCREMENTAL))
         assert bench.device.core_motion.ExecEStop(EStopLevel.Level1) == 0
         with pytest.raises(HomingError, match="the engine is in emergency stop"):
             self.home(bench)
-
-    def test_servos_must_be_on(self) -> None:
-        with pytest.raises(HomingError, match="servo off: fl_steer, fr_steer, rl_steer, rr_steer; the drive"):
-            self.home(Bench(self.INCREMENTAL))
-
-    def test_bus_must_run(self) -> None:
-        bench = Bench(self.INCREMENTAL)
         assert bench.device.api.StopCommunication(0) == 0
         with pytest.raises(HomingError, match="the engine does not communicate"):
             self.home(bench)

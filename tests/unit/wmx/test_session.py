@@ -70,22 +70,18 @@ def test_session_polls_engine_at_low_rate(engine: FakeEngine) -> None:
     assert engine.calls == ["GetDeviceName"] * 2
 
 
-def test_engine_that_died_leaves_a_status_that_only_grows_old(engine: FakeEngine) -> None:
-    session = session_with(lambda: engine)
-    session.poll(10.0)
-    engine.code, engine.answer = ErrorCode.StatusChannelError, ErrorCode.IMLibIsNotRunning
-    assert session.read() is None
-    assert session.engine is not None
-    assert not session.poll(10.2)
-    assert session.text == "the motion engine has ended"
-
-
 def test_hanging_engine_is_polled_at_low_rate(engine: FakeEngine) -> None:
     session = session_with(lambda: engine)
     engine.answer = ErrorCode.APIChannelTimeOut
+    engine.code = ErrorCode.StatusChannelError
     for tick in range(50):
         assert session.poll(10.0 + 0.1 * tick), "it may come back"
     assert engine.calls == ["GetDeviceName"] * 2
+    assert session.read() is None
+    assert session.engine is not None, "a status that only grows old"
+    engine.answer = ErrorCode.IMLibIsNotRunning
+    assert not session.poll(20.0)
+    assert session.text == "the motion engine has ended"
 
 
 @pytest.mark.parametrize("code", sorted(ABSENT))
@@ -95,8 +91,12 @@ def test_engine_that_cannot_be_opened_yet_is_waited_for(code: int) -> None:
     session = session_with(open_engine)
     for tick in range(20):
         assert not session.poll(10.0 + 0.5 * tick + 1e-6)
-        assert session.text == "waiting for the motion engine"
+        assert session.text == session.problem == "waiting for the motion engine"
+        assert session.read() is None
     assert open_engine.attempts == 20
+    impatient = EngineSession(Refusing(code), Patience(0.5, 5, 2.0, 0.1, waited_for=frozenset()))  # type: ignore[arg-type]
+    impatient.poll(10.0)
+    assert impatient.text.startswith("attempt 1 of 5: "), "the codes are the user's choice"
 
 
 def test_rejecting_engine_is_retried_five_times_every_two_seconds(engine: FakeEngine) -> None:
@@ -111,21 +111,6 @@ def test_rejecting_engine_is_retried_five_times_every_two_seconds(engine: FakeEn
     assert texts[-1].startswith("5 attempts failed, still trying: ")
     session.poll(30.0)
     assert open_engine.attempts == 6
-
-
-def test_absent_engine_is_looked_for_at_its_pace() -> None:
-    attempts = []
-
-    def refuse() -> FakeEngine:
-        attempts.append(None)
-        raise EngineError("no device", ErrorCode.IMLibIsNotRunning, "no engine")
-
-    session = session_with(refuse)
-    for tick in range(11):
-        assert not session.poll(10.0 + 0.1 * tick + 1e-6)
-    assert len(attempts) == 3
-    assert session.read() is None
-    assert session.problem == "waiting for the motion engine"
 
 
 def test_time_that_ran_back_makes_everything_due(engine: FakeEngine) -> None:
@@ -177,13 +162,6 @@ def test_events_report_failed_opened_and_lost_device(engine: FakeEngine) -> None
     assert told[2:] == ["opened", "lost"]
     assert session.call(lambda engine: 0) == ErrorCode.DeviceIsNull
     assert told[2:] == ["opened", "lost"], "once"
-
-
-def test_codes_that_are_waited_for_are_the_users_choice() -> None:
-    patience = Patience(0.5, 5, 2.0, 0.1, waited_for=frozenset())
-    session = EngineSession(Refusing(ErrorCode.IMLibIsNotRunning), patience)  # type: ignore[arg-type]
-    session.poll(10.0)
-    assert session.text.startswith("attempt 1 of 5: ")
 
 
 # --- a thread of its own
