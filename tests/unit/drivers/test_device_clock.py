@@ -30,7 +30,7 @@ def test_jitter_disappears_and_the_fastest_message_counts() -> None:
     assert (errors[:, 1] >= -1e-6).all(), "no sample is later than its arrival"
 
 
-@pytest.mark.parametrize("ppm", [-100.0, 30.0, 150.0])
+@pytest.mark.parametrize("ppm", [-100.0, 150.0])
 def test_drift_is_followed(ppm: float) -> None:
     random = np.random.default_rng(2)
     clock = DeviceClock(PARAMS)
@@ -60,6 +60,9 @@ def test_clock_set_back_is_detected_immediately(step_s: float) -> None:
     errors = run(clock, 20.0, 21.0, lambda _: 0.001, offset_s=EPOCH_S + step_s)
     assert clock.jumps == 1
     assert abs(errors[:, 0] - 0.001).max() < 2e-4
+    restarted = run(clock, 0.0, 1.0, lambda _: 0.001, offset_s=EPOCH_S + 30.0)
+    assert clock.jumps == 2, "the device begins at zero again"
+    assert abs(restarted[:, 0] - 0.001).max() < 1e-4
 
 
 def test_clock_set_ahead_is_detected_once_it_persists() -> None:
@@ -69,14 +72,6 @@ def test_clock_set_ahead_is_detected_once_it_persists() -> None:
     assert clock.jumps == 1
     assert abs(errors[250:, 0] - 0.001).max() < 2e-4
     assert abs(errors[:150, 0] + 1.0).max() < 0.01
-
-
-def test_restarted_device_clock_is_detected() -> None:
-    clock = DeviceClock(PARAMS)
-    run(clock, 100.0, 110.0, lambda _: 0.001)
-    errors = run(clock, 0.0, 1.0, lambda _: 0.001, offset_s=EPOCH_S + 110.0)
-    assert clock.jumps == 1
-    assert abs(errors[:, 0] - 0.001).max() < 1e-4
 
 
 def test_two_messages_of_one_moment() -> None:

@@ -91,15 +91,10 @@ def test_implausible_reading_is_rejected_and_previous_reading_expires(raw: dict[
     assert made.received(raw, 1.0) is None
     assert says in made.refusal
     assert made.reading(2.9) is not None
+    assert made.reading(-1.0) is None, "the time ran back"
     assert made.reading(3.1) is None
     assert made.problem(3.1) == f"no valid response for 3 s, the last was refused: {made.refusal}"
     assert (made.counters[TAKEN], made.counters[REFUSED]) == (1, 1)
-
-
-def test_time_that_ran_back_makes_a_reading_old() -> None:
-    made = battery()
-    made.received(VENDOR | ALARMS, 10.0)
-    assert made.reading(9.0) is None
 
 
 @given(st.dictionaries(st.integers(255, 330), st.integers(0, 0xFFFF)))
@@ -117,9 +112,6 @@ def test_blocks_hold_each_register_once_and_no_other(addresses: set[int]) -> Non
     found = blocks(addresses)
     assert [address for first, count in found for address in range(first, first + count)] == sorted(addresses)
     assert all(before.first + before.size < after.first for before, after in itertools.pairwise(found))
-
-
-def test_blocks_of_the_shipped_device() -> None:
     assert battery().blocks()[:3] == (Block(259, 1), Block(261, 2), Block(266, 1))
 
 

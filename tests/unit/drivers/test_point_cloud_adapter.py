@@ -61,25 +61,18 @@ def assert_is_the_scene(points: np.ndarray) -> None:
     assert (points["intensity"] == 100.0).all()
 
 
-@pytest.mark.parametrize("padding", [0, 7])
 @pytest.mark.parametrize("vendor", VENDORS, ids=lambda vendor: f"{vendor.name}-{vendor.time}")
-def test_every_layout_becomes_the_same_sweep(vendor: Vendor, padding: int) -> None:
+def test_every_layout_becomes_the_same_sweep(vendor: Vendor) -> None:
     converter = adapter()
-    sweep = converter.convert(cloud_of(vendor, SEEN, padding=padding), ARRIVAL_S)
+    sweep = converter.convert(cloud_of(vendor, SEEN, padding=7), ARRIVAL_S)
     assert_is_the_scene(sweep.points)
     assert sweep.stamp_s == pytest.approx(END_S, abs=1e-6)
     assert sweep.layout == vendor.name.replace("robosense", "hesai")  # hesai and robosense share a layout
     assert sweep.stamp_at is StampAt.FIRST
     assert converter.ring_order is (RingOrder.HIGHEST_FIRST if vendor.top_down else RingOrder.LOWEST_FIRST)
-
-
-@pytest.mark.parametrize("vendor", VENDORS, ids=lambda vendor: f"{vendor.name}-{vendor.time}")
-def test_a_layout_by_name_takes_its_own_and_refuses_the_others(vendor: Vendor) -> None:
     assert adapter(layout=vendor.name).convert(cloud_of(vendor, SEEN), ARRIVAL_S).layout == vendor.name
     other = VELODYNE if vendor is not VELODYNE else OUSTER
-    with pytest.raises(
-        CloudRefused, match=rf"the fields are x float32, .*{vendor.time} .*, expected those of {other.name}: "
-    ):
+    with pytest.raises(CloudRefused, match=rf"are x float32, .*{vendor.time} .*, expected those of {other.name}: "):
         adapter(layout=other.name).convert(cloud_of(vendor, SEEN), ARRIVAL_S)
 
 
@@ -108,12 +101,15 @@ def test_bytes_of_one_point_of_each_vendor() -> None:
 # --- empty points ----------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_points_that_are_not_finite_are_left_out(value: float) -> None:
-    cloud = with_points(cloud_of(ROBOSENSE, SEEN), ROBOSENSE, "y", 7, value)
+@pytest.mark.parametrize(("name", "value"), [("y", np.nan), ("y", np.inf), ("timestamp", np.nan)])
+def test_points_that_are_not_finite_are_left_out(name: str, value: float) -> None:
+    cloud = with_points(cloud_of(ROBOSENSE, SEEN), ROBOSENSE, name, 7, value)
     sweep = adapter().convert(cloud, ARRIVAL_S)
     assert (len(sweep.points), sweep.empty) == (len(SEEN.xyz) - 1, 1)
     assert np.isfinite(xyz_of(sweep.points)).all()
+    timeless = cloud_of(VELODYNE, replace(SEEN, seconds=np.full_like(SEEN.seconds, np.nan)))
+    with pytest.raises(CloudRefused, match="field time has no finite time"):
+        adapter().convert(timeless, ARRIVAL_S)
 
 
 def test_points_at_origin_are_removed_but_count_for_sweep_start() -> None:
@@ -124,17 +120,9 @@ def test_points_at_origin_are_removed_but_count_for_sweep_start() -> None:
     assert sweep.empty == 400
     assert sweep.stamp_s == pytest.approx(END_S, abs=1e-6)
     assert sweep.points["time"][0] == pytest.approx(SEEN.seconds[400] - SPAN_S, abs=1e-6)
-
-
-def test_a_covered_sensor_is_an_empty_sweep() -> None:
-    sweep = adapter().convert(cloud_of(OUSTER, replace(SEEN, xyz=np.zeros_like(SEEN.xyz))), ARRIVAL_S)
-    assert len(sweep.points) == 0
-    assert sweep.stamp_s == pytest.approx(END_S, abs=1e-6)
-
-
-def test_a_point_without_a_time_is_left_out() -> None:
-    sweep = adapter().convert(with_points(cloud_of(HESAI, SEEN), HESAI, "timestamp", 3, np.nan), ARRIVAL_S)
-    assert sweep.empty == 1
+    covered = adapter().convert(cloud_of(OUSTER, replace(SEEN, xyz=np.zeros_like(SEEN.xyz))), ARRIVAL_S)
+    assert len(covered.points) == 0
+    assert covered.stamp_s == pytest.approx(END_S, abs=1e-6)
 
 
 def test_intensities_are_clipped_to_contract_range() -> None:
@@ -145,21 +133,19 @@ def test_intensities_are_clipped_to_contract_range() -> None:
 
 # --- stamps ----------------------------------------------------------------------------------------------------------
 
-ABSOLUTE = pytest.mark.parametrize("vendor", [HESAI, ROBOSENSE, LIVOX], ids=lambda vendor: vendor.name)
+ABSOLUTE = pytest.mark.parametrize("vendor", [HESAI, LIVOX], ids=lambda vendor: vendor.name)
 OFFSET = pytest.mark.parametrize("vendor", [OUSTER, LIVOX_OFFSET, NEBULA], ids=lambda vendor: vendor.name)
 
 
 @ABSOLUTE
-@pytest.mark.parametrize("configured", ["auto", "same"])
 @pytest.mark.parametrize(("after_s", "at"), [(0.0, "first"), (SPAN_S, "last"), (0.05, "trigger")])
-def test_stamp_position_is_detected_from_absolute_times(
-    vendor: Vendor, configured: str, after_s: float, at: str
-) -> None:
-    converter = adapter(stamp_at="auto" if configured == "auto" else at)
-    sweep = converter.convert(cloud_of(vendor, SEEN, stamp_s=START_S + after_s), ARRIVAL_S)
-    assert sweep.stamp_at.value == at
-    assert sweep.stamp_s == pytest.approx(END_S, abs=1e-6)
-    assert_is_the_scene(sweep.points)
+def test_stamp_position_is_detected_from_absolute_times(vendor: Vendor, after_s: float, at: str) -> None:
+    for configured in ("auto", at):
+        converter = adapter(stamp_at=configured)
+        sweep = converter.convert(cloud_of(vendor, SEEN, stamp_s=START_S + after_s), ARRIVAL_S)
+        assert sweep.stamp_at.value == at
+        assert sweep.stamp_s == pytest.approx(END_S, abs=1e-6)
+        assert_is_the_scene(sweep.points)
 
 
 @ABSOLUTE
@@ -195,12 +181,8 @@ def test_stamp_at_last_point_is_detected_from_arrival_time(vendor: Vendor) -> No
     assert converter.convert(later, END_S + 0.1 + 0.15).stamp_s == pytest.approx(END_S + 0.1)
     with pytest.raises(CloudRefused, match=r"stamp is at the last point .* expected at the first"):
         adapter(stamp_at="first").convert(cloud_of(vendor, SEEN, stamp_s=END_S), ARRIVAL_S)
-
-
-@OFFSET
-def test_offsets_from_first_point_with_configured_stamp_at_last_point(vendor: Vendor) -> None:
-    sweep = adapter(stamp_at="last").convert(cloud_of(vendor, SEEN, stamp_s=END_S), END_S + 0.15)
-    assert sweep.stamp_s == pytest.approx(END_S)
+    late = adapter(stamp_at="last").convert(cloud_of(vendor, SEEN, stamp_s=END_S), END_S + 0.15)
+    assert late.stamp_s == pytest.approx(END_S)
 
 
 @pytest.mark.parametrize(("zero_s", "at"), [(0.0, "first"), (SPAN_S - 0.001, "last"), (0.04, "trigger")])
@@ -304,27 +286,16 @@ def changed(**changes: object) -> Cloud:
         (changed(fields=(*changed().fields[:5], Field("time", 19, F32, 1))), "ends at byte 23 of a point of 22"),
         (changed(fields=(*changed().fields[:5], Field("time", 18, F32, 2))), "time float32 with count 2, expected one"),
         (changed(fields=(*changed().fields[:5], Field("time", 18, 9, 1))), "time of unknown type 9"),
+        (
+            changed(fields=tuple(replace(f, datatype=9) if f.name == "intensity" else f for f in changed().fields)),
+            "intensity of unknown type 9",
+        ),
     ],
 )  # fmt: skip
 def test_a_cloud_that_cannot_be_read_is_refused_by_name(cloud: Cloud, what: str) -> None:
     with pytest.raises(CloudRefused, match=what):
         adapter().convert(cloud, ARRIVAL_S)
-
-
-def test_a_field_of_no_known_type_among_the_intensities_is_refused() -> None:
-    fields = tuple(replace(field, datatype=9) if field.name == "intensity" else field for field in changed().fields)
-    with pytest.raises(CloudRefused, match="intensity of unknown type 9"):
-        adapter().convert(changed(fields=fields), ARRIVAL_S)
-
-
-def test_times_that_are_all_not_finite_are_refused() -> None:
-    cloud = cloud_of(VELODYNE, replace(SEEN, seconds=np.full_like(SEEN.seconds, np.nan)))
-    with pytest.raises(CloudRefused, match="field time has no finite time"):
-        adapter().convert(cloud, ARRIVAL_S)
-
-
-def test_single_row_cloud_with_zero_row_step_is_accepted() -> None:
-    assert len(adapter().convert(changed(row_step=0), ARRIVAL_S).points) == len(SEEN.xyz)
+    assert len(adapter().convert(changed(row_step=0), ARRIVAL_S).points) == len(SEEN.xyz), "a single row needs none"
 
 
 def test_a_sensor_of_more_rings_than_the_robots_is_refused() -> None:
@@ -361,9 +332,7 @@ def test_the_vendors_frame_is_turned_into_the_sensors() -> None:
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("layout", "sick"), ("stamp_at", "middle"), ("topic", "points"), ("topic", ""), ("frame_id", ""),
-        ("rpy_deg", [0.0, 0.0, 181.0]), ("stamp_tolerance_s", 0.0), ("future_s", 0.2), ("oldest_s", 0.0),
-        ("silence_s", 0.0), ("silence_s", float("nan")),
+        ("layout", "sick"), ("topic", "points"), ("rpy_deg", [0.0, 0.0, 181.0]), ("future_s", 0.2),
     ],
 )  # fmt: skip
 def test_parameters_out_of_range_are_refused(name: str, value: object) -> None:
@@ -380,7 +349,7 @@ def test_the_files_of_both_adapters_are_valid(name: str) -> None:
 
 
 @pytest.mark.skipif(not KITTI.is_file(), reason="no recorded sweep beside the project")
-@pytest.mark.parametrize("vendor", [VELODYNE, HESAI, LIVOX, NEBULA], ids=lambda vendor: vendor.name)
+@pytest.mark.parametrize("vendor", [VELODYNE, LIVOX], ids=lambda vendor: vendor.name)
 def test_a_real_sweep_comes_through_as_it_was(vendor: Vendor) -> None:
     """124,000 points of a real LiDAR of 64 rings, assigned by elevation, in a vendor's layout."""
     raw = np.fromfile(KITTI, "<f4").reshape(-1, 4)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import struct
 
 import pytest
 from hypothesis import given
@@ -186,17 +185,10 @@ def test_battery_without_protection_frame_has_unknown_health() -> None:
     assert reading is not None
     assert reading.health is Health.UNKNOWN
     assert pack.problem(0.0) == ""
+    assert pack.received(0x123, bytes(8), 0.0) is None
+    assert pack.counters[OTHERS] == 1
     values = pack.values(0.0)
     assert {values[key] for key in ("manufacturer", "protections", "alarms", "may be charged")} == {"not received"}
-
-
-def test_stale_protections_yield_unknown_health() -> None:
-    pack = pack_of(Battery(), now_s=0.0)
-    for number, data in Battery().frames()[2:4]:
-        pack.received(number, data, 10.0)
-    reading = pack.reading(10.0)
-    assert reading is not None
-    assert reading.health is Health.UNKNOWN
 
 
 @pytest.mark.parametrize(
@@ -220,9 +212,3 @@ def test_implausible_frame_is_rejected_and_previous_reading_expires(battery: Bat
         pack.received(number, data, 4.0)
     assert pack.reading(4.0) is None
     assert f"0x356 (voltage, current) for 3 s, the last was refused: {pack.refusal}" in pack.problem(4.0)
-
-
-def test_frames_of_others_are_counted() -> None:
-    pack = Pack(params().pack)
-    assert pack.received(0x123, struct.pack("<Q", 7), 0.0) is None
-    assert pack.counters[OTHERS] == 1

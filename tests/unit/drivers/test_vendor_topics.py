@@ -14,7 +14,6 @@ from scipy.spatial.transform import Rotation
 from robot_stack.core.config import ConfigError, load, validate
 from robot_stack.drivers.battery import Flow, Health, Reading
 from robot_stack.drivers.imu import Sample
-from robot_stack.drivers.thinning import Thinning
 from robot_stack.drivers.vendor.battery import BatteryAdapterParams, complaint, reading
 from robot_stack.drivers.vendor.image import CameraAdapterParams, CameraTopicParams, Picture, grey
 from robot_stack.drivers.vendor.imu import FROZEN, IMPLAUSIBLE, NOT_FINITE, ImuAdapter, ImuAdapterParams
@@ -77,12 +76,7 @@ def test_repeated_and_old_messages_are_counted_and_refused(step_s: float, name: 
     with pytest.raises(MessageRefused, match="expected a newer one"):
         made.stamp(NOW_S + step_s, NOW_S + 0.01)
     assert made.counters[name] == 1
-
-
-def test_gaps_count_as_lost_messages() -> None:
-    made = topic()
-    for at_s in (NOW_S, NOW_S + 0.1, NOW_S + 0.4):
-        made.stamp(at_s, at_s)
+    made.stamp(NOW_S + 0.3, NOW_S + 0.3)
     assert made.counters[LOST] == 2
 
 
@@ -93,19 +87,12 @@ def test_this_computers_clock_may_be_set_back() -> None:
     assert made.counters[JUMPS] == 1
 
 
-@pytest.mark.parametrize(("driver_hz", "kept"), [(10.0, 100), (5.0, 50), (15.0, 100), (30.0, 100), (60.0, 100)])
+@pytest.mark.parametrize(("driver_hz", "kept"), [(10.0, 100), (5.0, 50), (15.0, 100), (60.0, 100)])
 def test_faster_drivers_are_thinned_to_the_topics_rate(driver_hz: float, kept: int) -> None:
     made = topic(rate_hz=driver_hz)
     jitter_s = 0.2 / driver_hz * np.random.default_rng(3).uniform(-1.0, 1.0, round(10.0 * driver_hz))
     stamps = [NOW_S + i / driver_hz + shift_s for i, shift_s in enumerate(jitter_s)]
     assert sum(made.stamp(stamp_s, stamp_s) is not None for stamp_s in stamps) == pytest.approx(kept, abs=2)
-
-
-def test_thinning_restarts_after_a_gap() -> None:
-    thinning = Thinning(0.1, 0.01)
-    assert [thinning.wants(at_s) for at_s in (0.0, 0.05, 0.1, 0.75, 0.8, 0.85)] == [
-        True, False, True, True, False, True,
-    ]  # fmt: skip
 
 
 def test_problem_names_publisher_silence_and_refusal() -> None:
@@ -122,8 +109,7 @@ def test_problem_names_publisher_silence_and_refusal() -> None:
 @pytest.mark.parametrize(
     ("name", "value"),
     [
-        ("topic", "data"), ("topic", ""), ("reliability", "sometimes"), ("clock", "sun"), ("clock", "device"),
-        ("device", DEVICE), ("rate_hz", 0.0), ("future_s", 0.0), ("oldest_s", math.nan), ("silence_s", 0.0),
+        ("topic", "data"), ("clock", "device"), ("device", DEVICE),
     ],
 )  # fmt: skip
 def test_parameters_out_of_range_are_refused(name: str, value: object) -> None:
@@ -149,7 +135,6 @@ def picture(encoding: str, pixels: NDArray[np.uint8], padding: int = 0, **change
     return replace(made, **changes)
 
 
-@pytest.mark.parametrize("padding", [0, 5])
 @pytest.mark.parametrize(
     ("encoding", "pixels"),
     [
@@ -157,10 +142,11 @@ def picture(encoding: str, pixels: NDArray[np.uint8], padding: int = 0, **change
         ("bgra8", np.dstack([SHADES, ALPHA])), ("rgba8", np.dstack([SHADES[..., ::-1], ALPHA])),
     ],
 )  # fmt: skip
-def test_encodings_become_the_same_grey(encoding: str, pixels: NDArray[np.uint8], padding: int) -> None:
-    made = grey(picture(encoding, pixels, padding), camera(), HEIGHT, WIDTH)
-    assert made.shape == (HEIGHT, WIDTH)
-    assert (made == GREY).all()
+def test_encodings_become_the_same_grey(encoding: str, pixels: NDArray[np.uint8]) -> None:
+    for padding in (0, 5):
+        made = grey(picture(encoding, pixels, padding), camera(), HEIGHT, WIDTH)
+        assert made.shape == (HEIGHT, WIDTH)
+        assert (made == GREY).all()
 
 
 @pytest.mark.parametrize(("order", "bits"), [("<u2", 16), (">u2", 16), ("<u2", 12)])
@@ -168,11 +154,8 @@ def test_mono16_of_either_order_keeps_its_highest_bits(order: str, bits: int) ->
     deep = (GREY.astype(np.uint16) << (bits - 8)).astype(order)
     made = picture("mono16", deep.view(np.uint8), 2, is_bigendian=order == ">u2")
     assert (grey(made, camera(mono16_bits=bits), HEIGHT, WIDTH) == GREY).all()
-
-
-def test_mono16_beyond_its_bits_is_clipped() -> None:
-    made = picture("mono16", np.full((HEIGHT, WIDTH), 0x1FFF, "<u2").view(np.uint8))
-    assert (grey(made, camera(mono16_bits=12), HEIGHT, WIDTH) == 255).all()
+    beyond = picture("mono16", np.full((HEIGHT, WIDTH), 0x1FFF, "<u2").view(np.uint8))
+    assert (grey(beyond, camera(mono16_bits=12), HEIGHT, WIDTH) == 255).all()
 
 
 @pytest.mark.parametrize(
@@ -230,15 +213,14 @@ def test_a_unit_is_turned_into_base_links_axes() -> None:
     assert sample.orientation_xyzw == pytest.approx(heading.as_quat())
 
 
-@pytest.mark.parametrize("index", range(6))
-@pytest.mark.parametrize("value", [math.nan, math.inf])
-def test_a_value_that_is_not_finite_is_refused(index: int, value: float) -> None:
+def test_a_value_that_is_not_finite_is_refused() -> None:
     made = unit()
-    with pytest.raises(MessageRefused, match="not finite"):
-        convert(made, measured=(*REST[:index], value, *REST[index + 1 :]))
+    for index in range(6):
+        with pytest.raises(MessageRefused, match="not finite"):
+            convert(made, measured=(*REST[:index], math.inf if index else math.nan, *REST[index + 1 :]))
     with pytest.raises(MessageRefused, match="not finite"):
         convert(made, (math.nan, 0.0, 0.0, 1.0))
-    assert made.counters[NOT_FINITE] == 2
+    assert made.counters[NOT_FINITE] == 7
     assert convert(made)
 
 
@@ -307,17 +289,14 @@ def state(charge_in: str = "fraction", inverted: bool = False, **changes: object
 def test_a_state_as_the_message_defines_it() -> None:
     made = state()
     assert made == Reading(NOW_S, 48.0, -5.0, 0.57, 45.0, 21.0, Flow.DISCHARGING, Health.GOOD)
+    for edge in (0.0, 1.0):
+        assert state(percentage=edge).charge == state("percent", percentage=100.0 * edge).charge == edge
 
 
 def test_percent_inverted_current_and_unmeasured_values() -> None:
     made = state("percent", True, percentage=57.0, current=5.0, capacity_ah=math.nan, temperature_c=math.nan)
     assert (made.charge, made.current_a, made.capacity_ah) == (0.57, -5.0, 50.0)
     assert math.isnan(made.temperature_c)
-
-
-@pytest.mark.parametrize("edge", [0.0, 1.0])
-def test_the_ends_of_the_charge_are_valid(edge: float) -> None:
-    assert state(percentage=edge).charge == state("percent", percentage=100.0 * edge).charge == edge
 
 
 @pytest.mark.parametrize(
