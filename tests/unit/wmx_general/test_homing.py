@@ -28,7 +28,4 @@ def test_end_of_a_homing(flags: dict[Flag, int], stopped: bool, code: int | None
         snapshot.flags[flag, 1] = value
     assert homed(lambda: stopped, snapshot, 1) == code
     assert homed(lambda: False, snapshot, 0) is None
-
-
-def test_emergency_stop_of_the_engine_ends_it() -> None:
     assert homed(lambda: False, standing(emergency_stop=True), 0) == CoreMotionErrorCode.EmergencyStopSignalOn

@@ -67,6 +67,7 @@ def test_a_status_from_before_the_request_decides_nothing(script: Script) -> Non
 
 
 def test_each_axis_has_its_own_end_and_time_runs_out_for_the_rest(script: Script) -> None:
+    assert result(waiting(script, [])) == {}
     steps = waiting(script, [0, 1, 2])
     assert result(steps) is None
     script.show(200, on=[1])
@@ -85,10 +86,6 @@ def test_a_lost_bus_and_a_lost_device_end_it(script: Script) -> None:
     assert result(steps) == dict.fromkeys((0, 1), ErrorCode.CommNotStarted)
     script.shown = ErrorCode.DeviceIsNull, None
     assert result(waiting(script, [0])) == {0: ErrorCode.DeviceIsNull}
-
-
-def test_nothing_to_wait_for(script: Script) -> None:
-    assert result(waiting(script, [])) == {}
 
 
 class Family:
