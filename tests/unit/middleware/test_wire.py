@@ -5,7 +5,6 @@ from __future__ import annotations
 from array import array
 from typing import Any
 
-import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
 from hypothesis import given
@@ -105,10 +104,3 @@ def test_another_encoding_is_left_to_the_middleware() -> None:
     except Exception:
         return
     assert not isinstance(view, CloudView)
-
-
-def test_bytes_of_a_real_sweep() -> None:
-    points = np.arange(3000, dtype=np.float32)
-    cloud = PointCloud2(height=1, width=1000, point_step=12, row_step=12000)
-    cloud.data = array("B", points.tobytes())
-    assert np.array_equal(read_cloud(serialize_message(cloud)).data.view(np.float32), points)

@@ -65,19 +65,6 @@ def test_a_worker_is_busy_until_its_results_are_in_the_loop(worker: ThreadWorker
     assert seen == [False]
 
 
-def test_a_result_may_lead_to_the_next_job(worker: ThreadWorker, loop: Loop) -> None:
-    results: list[int] = []
-
-    def done(result: int) -> None:
-        results.append(result)
-        if result < 3:
-            worker.submit(lambda: result + 1, done)
-
-    worker.submit(lambda: 1, done)
-    wait_for(lambda: loop.run() or len(results) == 3, "three results")
-    assert results == [1, 2, 3]
-
-
 def test_the_end_waits_for_the_jobs_that_are_queued(worker: ThreadWorker) -> None:
     ran: list[int] = []
     for number in range(20):

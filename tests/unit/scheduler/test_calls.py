@@ -46,21 +46,6 @@ def test_a_service_answers_after_both_ways() -> None:
     assert len(got) == 1
 
 
-def test_an_answer_may_take_time() -> None:
-    got, clients, open_answers = [], [], []
-    with rig() as stage:
-        stage.node("server", lambda port: port.serve(_TYPE, "/set", lambda *item: open_answers.append(item)))
-        stage.node("client", lambda port: clients.append(port.client(_TYPE, "/set")))
-        stage.scheduler.run(0.3)
-        clients[0].call(SetBool.Request(), got.append)
-        stage.scheduler.run(0.5)
-        assert got == []
-        _, response, answer = open_answers[0]
-        answer(response)
-        stage.scheduler.run(0.6)
-    assert len(got) == 1
-
-
 class Stage:
     """A server of /docking/dock and a client of it."""
 

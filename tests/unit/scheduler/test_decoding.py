@@ -26,18 +26,13 @@ def alike(one: Any, other: Any) -> bool:
     return bool(one == other) or one != one
 
 
-@pytest.mark.parametrize("length", [0, 1, 2, 5])
 @pytest.mark.parametrize("type_name", TYPES)
-def test_a_message_is_that_of_the_middleware(type_name: str, length: int) -> None:
-    message = filled(interface_class(type_name)(), length)
-    data = bytes(serialize_message(message))
-    assert alike(decoder(type_name)(data), deserialize_message(data, type(message)))
-
-
-def test_all_types_of_the_contract_are_decoded_here() -> None:
-    """All types are decoded from the bytes, without a fallback to the middleware."""
-    for name in TYPES:
-        _message(name)
+def test_a_message_is_that_of_the_middleware(type_name: str) -> None:
+    _message(type_name)  # decoded from the bytes, without a fallback to the middleware
+    for length in (0, 1, 2, 5):
+        message = filled(interface_class(type_name)(), length)
+        data = bytes(serialize_message(message))
+        assert alike(decoder(type_name)(data), deserialize_message(data, type(message))), length
 
 
 def test_decoding_truncated_message_raises() -> None:

@@ -36,10 +36,10 @@ def test_timers_come_at_exact_periods() -> None:
     times = []
     with rig() as stage:
         stage.node("node", lambda port: port.add_timer(0.05, lambda: times.append(stage.scheduler.now_ns)))
-        stage.scheduler.run(60.01)
+        stage.scheduler.run(10.01)
     # The schedule starts with the construction at 10 ms, whose 50 ms end exactly at the first tick. Timers use floating
     # point, hence a few nanoseconds.
-    assert [round(item, -3) for item in times] == [60_000_000 + 50_000_000 * k for k in range(1199)]
+    assert [round(item, -3) for item in times] == [60_000_000 + 50_000_000 * k for k in range(199)]
 
 
 def test_a_tick_that_is_missed_is_not_made_up_for() -> None:

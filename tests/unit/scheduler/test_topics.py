@@ -9,16 +9,6 @@ from robot_stack.contract import topics
 from tests.unit.scheduler.rig import LATCHED, constant, params, rig, row
 
 
-def test_a_message_takes_its_latency() -> None:
-    topic = row()
-    with rig() as stage:
-        stage.talker(topic)
-        taken = stage.listener(topic)
-        stage.say(300.0, 7, topic)
-        stage.scheduler.run(1.0)
-    assert taken == [(301.0, 7)]
-
-
 def test_a_row_has_its_own_latency_and_bulk_another() -> None:
     latency = {"small": constant(1.0), "bulk": constant(5.0), "call": constant(2.0), "rows": {"/slow": constant(40.0)}}
     slow, bulk = row("/slow"), row("/bulk", bulk=True)
