@@ -36,7 +36,6 @@ from tests.unit.wmx.harness import (
     ESTOP_DEC,
     N_AXES,
     POS,
-    POS_GEARED,
     POS_MIRRORED,
     VEL,
     VEL_MIRRORED,
@@ -467,14 +466,6 @@ class TestGearsOverTime:
         bench.step(1000)
         moved = (bench.flag(Flag.ENCODER_FEEDBACK)[VEL] - start) * 2 * math.pi / 131072
         assert moved == pytest.approx(10.0, abs=1e-3)
-
-    def test_relative_moves_do_not_drift(self, bench: Bench) -> None:
-        for _ in range(50):
-            command = Motion_PosCommand(POS_GEARED, 0.1, FAST)
-            assert bench.engine.motion.start_position(bench.device, [command], relative=True) == ErrorCode.PyNone
-            while bench.flag(Flag.OP_STATE)[POS_GEARED]:
-                bench.step()
-        assert bench.real(Real.POS_CMD)[POS_GEARED] == pytest.approx(5.0, abs=1e-12)
 
 
 class TestBrokenBus:

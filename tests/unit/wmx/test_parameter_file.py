@@ -312,6 +312,13 @@ class TestArmsFile:
     def test_shipped_parameter_file_equals_engine_defaults_of_arm(self, arm: Engine) -> None:
         assert self.PATH.read_text(encoding="utf-8") == render(values(arm)), "export it again"
 
+    def test_export_writes_it_without_an_engine(self, tmp_path: Path) -> None:
+        engine_config = str(config_dir() / "wmx_engine_manipulator.yaml")
+        written = tmp_path / "written.xml"
+        result = CliRunner().invoke(app, ["wmx", "export", str(written), "--engine-config", engine_config])
+        assert result.exit_code == 0
+        assert written.read_bytes() == self.PATH.read_bytes()
+
     def test_a_folder_that_does_not_exist_is_named(self, tmp_path: Path) -> None:
         result = CliRunner().invoke(app, ["wmx", "export", str(tmp_path / "no" / "folder.xml")])
         assert isinstance(result.exception, CommandError)

@@ -55,19 +55,6 @@ def shared() -> Arm:
 
 
 class TestCurve:
-    def test_one_segment_by_hand(self, arm: Arm) -> None:
-        """From 0 to 1 in 1 s, at rest at both ends: 3 t^2 - 2 t^3."""
-        assert arm.start([[1.0]], [1000.0], axes=[2]) == GOOD
-        for cycle in range(1, 1000):
-            arm.step()
-            t = cycle * CYCLE_S
-            assert arm.position[2] == pytest.approx(t * t * (3.0 - 2.0 * t), abs=1e-12)
-            assert arm.velocity[2] == pytest.approx(6.0 * t * (1.0 - t), abs=1e-12)
-            assert arm.real(Real.CMD_ACC)[2] == pytest.approx(6.0 - 12.0 * t, abs=1e-9)
-        arm.step()
-        assert arm.position.tolist() == [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
-        assert not arm.velocity.any()
-
     @settings(max_examples=40, deadline=None)
     @given(st.integers(1, 40), st.integers(1, 6), st.integers(0, 2**32 - 1))
     def test_any_curve_against_another_implementation(self, n: int, d: int, seed: int) -> None:
@@ -323,16 +310,6 @@ class TestStops:
         arm.step(60)
         assert arm.real(Real.ACTUAL_POS) == pytest.approx(arm.position, abs=1e-4)
         assert arm.start() == GOOD, "ready for the next"
-
-    def test_takes_less_than_three_tenths_of_a_second_from_two_radians_per_second(self) -> None:
-        """The fastest axis of a constant path speed brakes at its quick-stop deceleration: 2 / 20 = 0.1 s."""
-        arm = Arm()
-        points = np.outer(np.arange(1.0, 11.0) * 0.2, np.array([1.0, -1.0, 0.5, 0.25, -0.6, 0.1]))
-        assert arm.start(points, [100.0 * k for k in range(1, 11)]) == GOOD
-        arm.step(500)
-        assert np.abs(arm.velocity).max() == pytest.approx(2.0, rel=0.02)
-        arm.motion.quick_stop([3], POSITION)
-        assert 90 <= arm.at_rest() <= 110
 
     def test_a_gentle_spline_is_stopped_gently(self) -> None:
         """With the largest acceleration of the spline over all axes, not with the quick-stop deceleration."""

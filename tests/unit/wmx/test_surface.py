@@ -24,24 +24,18 @@ def methods(owner: str) -> dict[str, inspect.Signature]:
 
 
 @pytest.mark.parametrize("owner", SURFACE)
-def test_every_call_is_in_both(owner: str) -> None:
-    assert set(methods(owner)) - {"ErrorToString"} == set(SURFACE[owner])
-
-
-@pytest.mark.parametrize(("owner", "name"), [(owner, name) for owner, table in SURFACE.items() for name in table])
-def test_with_as_many_arguments(owner: str, name: str) -> None:
-    call, (_, *parameters) = SURFACE[owner][name], methods(owner)[name].parameters.values()
-    optional = [one for one in parameters if one.default is not inspect.Parameter.empty]
-    if any(isinstance(kind, Commands) for kind in call.takes):
-        assert (len(parameters), len(optional)) == (2, 1), "one command, or a count and a list"
-    else:
-        assert (len(parameters), len(optional)) == (len(call.takes), call.optional)
-
-
-@pytest.mark.parametrize(("owner", "name"), [(owner, name) for owner, table in SURFACE.items() for name in table])
-def test_with_as_many_values(owner: str, name: str) -> None:
-    call, answer = SURFACE[owner][name], str(methods(owner)[name].return_annotation)
-    assert answer.count(",") == (0 if call.plain else len(call.values) + call.echo)
+def test_a_table_is_its_protocol(owner: str) -> None:
+    signatures = methods(owner)
+    assert set(signatures) - {"ErrorToString"} == set(SURFACE[owner])
+    for name, call in SURFACE[owner].items():
+        _, *parameters = signatures[name].parameters.values()
+        optional = [one for one in parameters if one.default is not inspect.Parameter.empty]
+        if any(isinstance(kind, Commands) for kind in call.takes):
+            assert (len(parameters), len(optional)) == (2, 1), f"{name}: one command, or a count and a list"
+        else:
+            assert (len(parameters), len(optional)) == (len(call.takes), call.optional), name
+        answer = str(signatures[name].return_annotation)
+        assert answer.count(",") == (0 if call.plain else len(call.values) + call.echo), name
 
 
 def test_zero_values() -> None:

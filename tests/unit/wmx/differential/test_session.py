@@ -22,12 +22,13 @@ from robot_stack.wmx.api import (
     Velocity_TimedVelCommand,
     Velocity_VelCommand,
 )
-from robot_stack.wmx.axes import Flag, Real, StatusSnapshot, empty_snapshot
+from robot_stack.wmx.axes import Flag, Real, StatusSnapshot
 from robot_stack.wmx.differential.kinematics import REST, WheelPair
 from robot_stack.wmx.differential.params import DiffDriveParams
 from robot_stack.wmx.differential.session import WheelSession
 from robot_stack.wmx.session import EngineSession
 from robot_stack.wmx.start_up import Stage
+from tests.unit.wmx.fake_engine import FakeEngine as ArmEngine
 
 PARAMS = load(DiffDriveParams, "diff_drive_controller")
 TICK_S = 0.01
@@ -35,34 +36,21 @@ LEFT, RIGHT = 2, 1
 N_AXES = 4
 
 
-class FakeEngine:
-    """Answers as the port does. ``codes``: return code by call name; all other calls succeed at once."""
+class FakeEngine(ArmEngine):
+    """Turns the wheels at once. ``codes``: return code by call name; all other calls succeed."""
 
     def __init__(self) -> None:
-        self.codes: dict[str, int] = {}
-        self.calls: list[str] = []
+        super().__init__(N_AXES)
         self.commands: list[Any] = []
-        self.open = True
         self.time_s = 5.0
-        self.snapshot: StatusSnapshot = replace(empty_snapshot(N_AXES), engine_state=EngineState.Running)
-        self.api = self.core_motion = self
-        self.axisControl = self.motion = self.velocity = self.config = self
-
-    def close(self) -> None:
-        self.open = False
 
     def read_status(self) -> tuple[int, StatusSnapshot]:
-        return int(self.codes.get("read_status", 0)), replace(self.snapshot, engine_time_s=self.time_s)
-
-    def _answer(self, name: str) -> int:
-        self.calls.append(name)
-        return int(self.codes.get(name, self.codes.get(name.split("(")[0], ErrorCode.PyNone)))
+        code, snapshot = super().read_status()
+        return code, replace(snapshot, engine_time_s=self.time_s)
 
     def put(self, flag: Flag, value: int, *axes: int) -> None:
-        self.snapshot.flags[flag, list(axes)] = value
-
-    def flag(self, flag: Flag, axis: int) -> int:
-        return int(self.snapshot.flags[flag, axis])
+        for axis in axes:
+            self.flag(flag, axis, value)
 
     def run(self, velocity: float, *axes: int) -> None:
         self.put(Flag.OP_STATE, OperationState.Velocity, *axes)
@@ -75,39 +63,13 @@ class FakeEngine:
         self.put(Flag.OP_STATE, OperationState.Idle, *axes)
         self.put(Flag.DETAIL_OP_STATE, DetailOperationState.Idle, *axes)
 
-    def GetDeviceName(self) -> tuple[int, str]:
-        return self._answer("GetDeviceName"), "node"
-
-    def StartCommunication(self, milliseconds: int) -> int:
-        assert milliseconds == 0, "a wait would hold the node up"
-        code = self._answer("StartCommunication")
-        if not code:
-            self.snapshot = replace(self.snapshot, engine_state=EngineState.Communicating)
-        return code
-
-    def ImportAndSetAll(self, path: str) -> int:
-        return self._answer(f"ImportAndSetAll({path})")
+    # --- the vendor's names
 
     def SetAxisCommandMode(self, axis: int, mode: int) -> int:
-        code = self._answer(f"SetAxisCommandMode({axis})")
-        if not code:
+        call = f"SetAxisCommandMode({axis})"
+        if self._answer(call):
             self.put(Flag.COMMAND_MODE, mode, axis)
-        return code
-
-    def SetServoOn_AxisSel(self, selection: object, on: int) -> int:
-        axes = selection.axis  # type: ignore[attr-defined]
-        code = self._answer(f"SetServoOn({axes}, {on})")
-        if not code:
-            self.put(Flag.SERVO_ON, on, *axes)
-        return code
-
-    def ClearAmpAlarm_AxisSel(self, selection: AxisSelection) -> int:
-        self.put(Flag.AMP_ALARM, 0, *selection.axis)
-        return self._answer(f"ClearAmpAlarm({selection.axis})")
-
-    def ClearAxisAlarm_AxisSel(self, selection: AxisSelection) -> int:
-        self.put(Flag.FOLLOWING_ERROR_ALARM, 0, *selection.axis)
-        return self._answer(f"ClearAxisAlarm({selection.axis})")
+        return self._code(call)
 
     def StartVel(self, count: int, commands: list[Velocity_VelCommand]) -> int:
         return self._started("StartVel", count, commands)
@@ -121,21 +83,21 @@ class FakeEngine:
     ) -> int:
         assert count == len(commands)
         self.commands = list(commands)
-        code = self._answer(name)
-        if not code:
+        if self._answer(name):
             for command in commands:
                 self.run(command.profile.velocity, command.axis)
-        return code
+        return self._code(name)
 
-    def ExecQuickStop_AxisSel(self, selection: object) -> int:
-        assert sorted(selection.axis) == [RIGHT, LEFT]  # type: ignore[attr-defined]
-        code = self._answer("ExecQuickStop")
-        if not code:
+    def ExecQuickStop_AxisSel(self, selection: AxisSelection) -> int:
+        assert sorted(selection.axis) == [RIGHT, LEFT]
+        if self._answer("ExecQuickStop"):
             self.rest(LEFT, RIGHT)
-        return code
+        return self._code("ExecQuickStop")
 
     def ExecQuickStop(self, axis: int) -> int:
-        return self._answer(f"ExecQuickStop({axis})")
+        call = f"ExecQuickStop({axis})"
+        self._answer(call)
+        return self._code(call)
 
 
 class Story:
@@ -211,9 +173,9 @@ def test_start_calls_engine_in_fixed_order(story: Story) -> None:
 def test_other_axes_are_left_alone(story: Story) -> None:
     story.engine.put(Flag.AMP_ALARM, 1, 0, 3)
     story.ready()
-    assert story.engine.flag(Flag.AMP_ALARM, 0) == 1
-    assert story.engine.flag(Flag.SERVO_ON, 0) == 0
-    assert story.engine.flag(Flag.COMMAND_MODE, 3) == AxisCommandMode.Position
+    assert story.engine.snapshot.flags[Flag.AMP_ALARM, 0] == 1
+    assert story.engine.snapshot.flags[Flag.SERVO_ON, 0] == 0
+    assert story.engine.snapshot.flags[Flag.COMMAND_MODE, 3] == AxisCommandMode.Position
 
 
 @pytest.mark.parametrize(
@@ -230,7 +192,7 @@ def test_refused_step_is_named_and_tried_again(call: str, stage: Stage, says: st
     story.engine.codes[call] = ErrorCode.SystemError
     assert story.tick(0.3) == (stage, says)
     assert story.called(call) == 1
-    assert not story.engine.flag(Flag.SERVO_ON, LEFT)
+    assert not story.engine.snapshot.flags[Flag.SERVO_ON, LEFT]
     story.tick(2.1)
     assert story.called(call) >= 2
     del story.engine.codes[call]
@@ -462,7 +424,7 @@ def test_lost_bus_is_brought_back_from_the_start(story: Story) -> None:
     assert story.tick(2.1) == (Stage.COMMUNICATION, "starting communication: StartCommunicationError (error 1288)")
     del story.engine.codes["StartCommunication"]
     assert story.tick(2.1) == (Stage.READY, "ready")
-    assert story.engine.flag(Flag.SERVO_ON, RIGHT) == 1
+    assert story.engine.snapshot.flags[Flag.SERVO_ON, RIGHT] == 1
 
 
 def test_engine_that_ended_is_looked_for_again(story: Story) -> None:

@@ -14,7 +14,7 @@ from robot_stack.wmx.axes import UNTOLD, Flag, StatusSnapshot
 from robot_stack.wmx.manipulator.bring_up import BringUp
 from robot_stack.wmx.manipulator.params import ManipulatorStateParams
 from robot_stack.wmx.start_up import Stage
-from tests.unit.wmx.manipulator.fake_engine import FakeEngine
+from tests.unit.wmx.fake_engine import FakeEngine
 
 TICK_S = 0.1
 FILE = load(ManipulatorStateParams, "manipulator_state")
