@@ -277,17 +277,6 @@ def test_restarted_sensor_is_detected_by_initialization_id() -> None:
     assert NOW_S + 60.0 < sweeps[0].stamp_s < NOW_S + 60.3
 
 
-def test_restarted_legacy_sensor_is_detected_by_time() -> None:
-    device = Os(profile=LEGACY, begin_ns=900_000_000_000)
-    built = builder(device)
-    run(built, list(device.packets(TURN + 10)))
-    again = Os(profile=LEGACY, begin_ns=20_000_000_000)
-    sweeps = run(built, list(again.packets(2 * TURN)), NOW_S + 60.0)
-    assert [whole(sweep) for sweep in sweeps] == [True] * 2
-    assert counted(built) == {JUMPS: 1}
-    assert NOW_S + 60.0 < sweeps[0].stamp_s < NOW_S + 60.3
-
-
 def test_restarted_frame_numbers_with_continuous_time_yield_whole_sweeps() -> None:
     """A reconfigured legacy sensor on PTP time restarts its frame numbers."""
     device = Os(profile=LEGACY)

@@ -620,9 +620,3 @@ class TestTheFake:
         assert api.CloseDevice() == 0
         core.GetStatus()
         assert control.disorder[2:] == ["CoreMotion.GetStatus after CloseDevice"]
-
-    def test_count_beyond_the_list_is_recorded(self, harness: VendorHarness) -> None:
-        engine = harness.ready()
-        native = engine.core_motion.theirs  # type: ignore[attr-defined]
-        native.motion.StartPos(2, [harness.module.Motion_PosCommand()])
-        assert "motion.StartPos: 2 commands of a list of 1" in harness.module.CONTROL.faults

@@ -173,18 +173,6 @@ def test_a_goal_that_ends_before_the_start_of_the_newer_one_succeeds() -> None:
     assert desk.ended_at_s["b"] == pytest.approx(3.5, abs=0.03)
 
 
-def test_the_newest_of_two_that_wait_for_their_start_counts() -> None:
-    desk = Desk()
-    desk.submit("a", FIRST)
-    desk.run(0.5)
-    desk.submit("b", replace(SECOND, start_in_s=0.5))
-    desk.submit("c", SECOND)
-    assert desk.ended["b"].code == GoalCode.INVALID_GOAL
-    assert desk.arm.calls == ["start", "stop"]
-    desk.run(1.3)
-    assert desk.ended["c"].outcome is GoalStatus.SUCCEEDED
-
-
 def test_a_goal_is_planned_from_where_the_running_one_will_be() -> None:
     """From the current position the goal is too far for its time; from the predicted position it is not."""
     desk = Desk(STRICT)
