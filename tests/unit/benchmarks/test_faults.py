@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import pytest
 
 from sim.stack.campaign import Outcome
@@ -38,11 +36,6 @@ def test_runs_kinds_pairs_and_the_worst_overrun_are_counted() -> None:
             "simulated_h": 160.0 / 3600.0,
         }
     )
-
-
-def test_runs_without_any_condition_have_no_overrun() -> None:
-    assert math.isnan(faults._figures([outcome(1, ("slip",), overrun_s=-math.inf)])["worst_overrun_ms"])
-    assert math.isnan(faults._figures([])["ended_as_declared_pct"])
 
 
 def test_a_case_repeats_by_its_command(monkeypatch: pytest.MonkeyPatch) -> None:

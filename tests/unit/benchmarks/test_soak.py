@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import math
-
 import pytest
 
 from custom_msgs.msg import MissionOrder
-from robot_stack.contract.processes import BY_NAME
-from tests.benchmarks import soak
-from tests.benchmarks.soak import AIMS, Fault, Notes, Size, draw, figures, growth_per_h
+from tests.benchmarks.soak import AIMS, Fault, Notes, Size, figures
 
 
 def notes() -> Notes:
@@ -39,19 +35,3 @@ def test_an_order_that_vanished_and_a_restart_without_a_kill_are_counted() -> No
     lost.restarts |= {"ndt_localization": 1, "touch_ui": 1}
     found = figures(lost)
     assert (found["orders_lost"], found["restarts_unexplained"]) == (1, 2)
-
-
-def test_growth_is_a_slope() -> None:
-    assert growth_per_h([(0.0, 5), (1800.0, 6), (3600.0, 7)]) == pytest.approx(2.0)
-    assert math.isnan(growth_per_h([(0.0, 5)]))
-
-
-def test_faults_are_drawn_from_the_seed_within_the_time() -> None:
-    faults = draw(1, 7200.0, 12.0)
-    assert len(faults) == 24
-    assert faults == draw(1, 7200.0, 12.0) != draw(2, 7200.0, 12.0)
-    assert faults == sorted(faults, key=lambda item: item.at_s)
-    assert all(0.0 <= item.at_s <= 7200.0 for item in faults)
-    assert {item.what for item in draw(1, 3.6e6, 12.0)} == {*soak._KILLED, "emergency stop"}
-    assert set(soak._KILLED) <= set(BY_NAME)
-    assert draw(1, 7200.0, 0.0) == []

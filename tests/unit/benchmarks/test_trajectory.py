@@ -7,7 +7,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 from tests.benchmarks import trajectory
-from tests.benchmarks.support.trajectory_rig import JOINTS, Record
+from tests.benchmarks.support.trajectory_rig import Record
 
 TIMES = np.array([0.0, 0.4, 1.0])
 ROWS = np.array([[0.0] * 6, [0.2, 0.1, 0.0, -0.1, 0.3, 0.1], [0.4, -0.1, 0.2, 0.1, 0.1, -0.3]])
@@ -53,20 +53,3 @@ def test_standstill_counts_until_command_and_joints_stand() -> None:
     assert measured.standstill_ms == [pytest.approx(120.0, abs=4.0)]
     assert measured.canceled_ms == [pytest.approx(150.0)]
     assert measured.off_path_rad == [pytest.approx(0.0, abs=1e-6)]
-
-
-def test_a_place_beside_the_path_is_off_it() -> None:
-    assert trajectory._off_path(SPLINE, SPLINE(0.7) + 0.01) == pytest.approx(0.01, rel=0.5)
-    assert trajectory._off_path(SPLINE, SPLINE(0.7)) < 1e-6
-
-
-def test_trajectories_begin_here_stay_in_reach_and_peak_at_their_speed() -> None:
-    generator = np.random.default_rng(3)
-    here = np.full(JOINTS, 0.1)
-    for _ in range(20):
-        times_s, rows = trajectory._trajectory(generator, here, 0.5, 0.9)
-        assert rows[0].tolist() == here.tolist()
-        assert np.abs(rows).max() <= 0.5
-        assert np.diff(times_s).min() > 0.01
-        peak = np.abs(CubicSpline(times_s, rows, bc_type="clamped")(np.linspace(0, times_s[-1], 400), 1)).max()
-        assert peak <= 0.9 * 1.001
