@@ -10,8 +10,7 @@ from tests.benchmarks.glass import Window, approached, clouds, missed_pct, stand
 SEED = 911
 
 
-@pytest.mark.parametrize("lit", [True, False])
-@pytest.mark.parametrize("course_deg", [0.0, 60.0])
+@pytest.mark.parametrize(("lit", "course_deg"), [(True, 60.0), (False, 0.0)])
 def test_dirty_pane_is_in_every_cloud_during_the_approach(lit: bool, course_deg: float) -> None:
     assert approached(Window(lit, 0.001), [SEED], course_deg) == 0.0
 

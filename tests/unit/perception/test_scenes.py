@@ -27,25 +27,18 @@ def free_at(seen: Seen, angle_rad: float) -> float:
     return free_m + SENSOR_M[0] * math.cos(angle_rad) if free_m > 0.0 else 0.0
 
 
-def test_flat_ground_is_free_to_20_m_and_has_no_obstacles(look: Look) -> None:
-    scene = look(sweep())
-    assert len(scene.obstacles) == 0
-    assert scene.free_m.min() > 20.0
+def test_flat_ground_is_free_and_has_no_obstacles(look: Look) -> None:
+    for lost, free in ((0.0, 20.0), (0.5, 5.0)):
+        scene = look(sweep(lost=lost))
+        assert len(scene.obstacles) == 0
+        assert np.median(scene.free_m) > free
 
 
-def test_flat_ground_with_lost_returns_has_no_obstacles(look: Look) -> None:
-    scene = look(sweep(lost=0.5))
-    assert len(scene.obstacles) == 0
-    assert np.median(scene.free_m) > 5.0
-
-
-@pytest.mark.parametrize("slope_rad", [TEN_DEG, -TEN_DEG])
-@pytest.mark.parametrize("foot_m", [0.6, 2.0, 4.0])
+@pytest.mark.parametrize(("slope_rad", "foot_m"), [(TEN_DEG, 0.6), (TEN_DEG, 4.0), (-TEN_DEG, 0.6), (-TEN_DEG, 2.0)])
 def test_a_ramp_is_ground(look: Look, slope_rad: float, foot_m: float) -> None:
     scene = look(sweep(slope=Slope(foot_m, slope_rad, 4.0)))
     assert len(inside(scene.obstacles, (0.3, 10.0), (-3.0, 3.0))) == 0
-    # A crest hides the ground behind it: a downward slope is visible only from near.
-    assert free_at(scene, 0.0) > foot_m + (0.3 if slope_rad > 0.0 or foot_m < 3.0 else -0.4)
+    assert free_at(scene, 0.0) > foot_m + 0.3
 
 
 @pytest.mark.parametrize("slope_rad", [TEN_DEG, -TEN_DEG])
@@ -71,8 +64,7 @@ def test_a_robot_on_a_ramp_sees_the_level_ground_behind_its_foot(pipeline: Pipel
     assert np.isin(pipeline.segment(xyz, None).labels[near], raised).mean() < 1e-3
 
 
-@pytest.mark.parametrize("height_m", [0.05, 0.08, 0.12])
-@pytest.mark.parametrize("distance_m", [1.5, 2.0, 3.0])
+@pytest.mark.parametrize(("height_m", "distance_m"), [(0.05, 1.5), (0.05, 3.0), (0.12, 2.0)])
 def test_a_kerb_is_an_obstacle(look: Look, height_m: float, distance_m: float) -> None:
     kerb = Solid((distance_m, -3.0, 0.0), (distance_m + 0.15, 3.0, height_m))
     scene = look(sweep([kerb], columns=2344))
@@ -86,7 +78,7 @@ def test_a_step_of_2_cm_is_no_obstacle(look: Look) -> None:
     assert len(look(sweep([Solid((2.0, -3.0, 0.0), (6.0, 3.0, 0.02))])).obstacles) == 0
 
 
-@pytest.mark.parametrize("edge_m", [1.6, 2.0, 2.5])
+@pytest.mark.parametrize("edge_m", [1.6, 2.5])
 def test_a_drop_off_is_an_obstacle_at_its_edge(look: Look, edge_m: float) -> None:
     scene = look(sweep(hole=(edge_m, 40.0, 0.4)))
     edge = inside(scene.obstacles, (edge_m - 0.25, edge_m + 0.25), (-0.5, 0.5))
@@ -110,7 +102,7 @@ def test_a_wet_patch_that_loses_all_returns_is_neither_edge_nor_free(look: Look)
     assert free_at(scene, 0.0) < 2.2
 
 
-@pytest.mark.parametrize("distance_m", [2.0, 5.0, 10.0])
+@pytest.mark.parametrize("distance_m", [2.0, 10.0])
 def test_a_thin_pole_and_a_leg_survive(look: Look, distance_m: float) -> None:
     pole = Solid((distance_m, -0.05, 0.0), (distance_m + 0.1, 0.05, 1.2))
     scene = look(sweep([pole], columns=2344))
@@ -140,21 +132,10 @@ def test_a_bar_overhead_is_no_obstacle_and_one_at_1_5_m_is(look: Look) -> None:
     assert len(bar) > 20
 
 
-def test_the_side_of_a_deck_is_an_obstacle(look: Look) -> None:
-    scene = look(sweep([Solid((1.0, 1.5, 0.0), (5.0, 3.0, 0.4))]))
-    assert len(inside(scene.obstacles, (1.5, 4.5), (1.4, 1.7))) > 50
-
-
 def test_a_single_stray_point_is_removed(look: Look) -> None:
     points = sweep()
     points["x"][0], points["y"][0], points["z"][0] = 3.0, 3.0, 0.5
     assert len(look(points).obstacles) == 0
-
-
-def test_empty_sweep_frees_no_space(look: Look) -> None:
-    scene = look(sweep()[:0])
-    assert len(scene.obstacles) == 0
-    assert scene.free_m.max() == 0.0
 
 
 def test_points_that_are_not_finite_are_counted_and_left_out(look: Look) -> None:
@@ -173,3 +154,5 @@ def test_an_unseen_sector_is_not_free(look: Look) -> None:
     scene = look(points[np.abs(angle) > 0.3])
     assert free_at(scene, 0.0) == 0.0
     assert free_at(scene, math.pi / 2) > 20.0
+    nothing = look(points[:0])
+    assert (len(nothing.obstacles), nothing.free_m.max()) == (0, 0.0)

@@ -24,8 +24,7 @@ PERIOD_S = 0.1
 STAMP_S = 100.0
 
 
-@pytest.mark.parametrize("columns", [400, 2344])
-@pytest.mark.parametrize("twist", [Twist2(0.6, 0.2, 0.5), Twist2(0.0, 0.0, -0.7)])
+@pytest.mark.parametrize(("twist", "columns"), [(Twist2(0.6, 0.2, 0.5), 400), (Twist2(0.0, 0.0, -0.7), 2344)])
 def test_even_ground_has_no_obstacles_for_a_robot_that_turns(
     robot: Robot, params: PerceptionParams, twist: Twist2, columns: int
 ) -> None:

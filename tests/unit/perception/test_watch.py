@@ -29,15 +29,6 @@ def halves(seed: int = 0) -> tuple[Points, Points]:
     return points[points["y"] >= 0.0], points[points["y"] < 0.0]
 
 
-def test_points_of_a_turning_sensor() -> None:
-    watch = Watch(WATCH, HEIGHT_M)
-    for turn in range(5):
-        for number, half in enumerate(halves(turn)):
-            stamp_s = 0.05 * (2 * turn + number)
-            assert not watch.frozen(half)
-            assert watch.blind(half, stamp_s) == ""
-
-
 def test_the_same_points_again_are_frozen_even_half_by_half() -> None:
     watch, (left, right) = Watch(WATCH, HEIGHT_M), halves()
     assert not watch.frozen(left)
@@ -113,7 +104,10 @@ def test_a_blind_direction_is_an_obstacle_beside_the_robot(robot: Robot) -> None
 def test_one_lost_half_sweep_causes_no_blind_sector() -> None:
     watch = Watch(WATCH, HEIGHT_M)
     for step in (0, 1, 2, 4, 5, 6):
-        assert watch.blind(halves(step)[step % 2], 0.05 * step) == ""
+        half = halves(step)[step % 2]
+        assert not watch.frozen(half)
+        assert watch.blind(half, 0.05 * step) == ""
+        assert not watch.blind_sectors.any()
 
 
 def test_chair_excuses_only_directions_below_the_minimum_range(robot: Robot) -> None:
