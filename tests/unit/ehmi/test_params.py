@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import pytest
-
 from robot_stack.contract.topics import EHMI_STATUS
-from robot_stack.core.config import ConfigError, config_dir, load, read_yaml
-from robot_stack.ehmi.params import EhmiParams, LinkParams
+from robot_stack.core.config import load
+from robot_stack.ehmi.params import EhmiParams
 from sim.ehmi.params import EhmiDisplayParams
 
 LINK_LOST_S = 5.0  # row EHMI_LINK_LOST
@@ -23,11 +21,3 @@ def test_a_host_that_repeats_is_not_silent_for_the_firmware():
     display, link = load(EhmiDisplayParams, "ehmi_display"), load(EhmiParams, "ehmi_bridge").link
     assert display.firmware.host_timeout_s > 2.0 * link.repeat_s
     assert display.firmware.latency_s + display.firmware.latency_jitter_s < link.acknowledge_s
-
-
-@pytest.mark.parametrize(("name", "value"), [("tries", 0), ("acknowledge_s", 0.0), ("repeat_s", -1.0)])
-def test_wrong_times_are_refused(name, value):
-    link = read_yaml(config_dir() / "ehmi_bridge.yaml")["link"]
-    with pytest.raises(ConfigError, match=name):
-        load(EhmiParams, "ehmi_bridge", {"link": {**link, name: value}})
-    assert LinkParams.model_validate(link).tries == 3

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from typing import get_args
 
 import pytest
 from pydantic import ValidationError
@@ -30,13 +29,6 @@ def test_every_state_of_the_interface_has_its_pattern():
 def test_the_document_is_fresh():
     committed = docs.PATH.read_text(encoding="utf-8")
     assert committed == docs.render(committed, PATTERNS), "run python -m robot_stack.ehmi.docs and commit docs/ehmi.md"
-
-
-def test_every_state_is_in_the_document():
-    table = docs.table(PATTERNS)
-    for state, pattern in PATTERNS.states.items():
-        assert f"| {state} | {pattern.name} |" in table
-    assert "| 11-20 | reserved |" in table
 
 
 def test_a_document_without_a_place_for_the_table():
@@ -75,21 +67,14 @@ def test_no_segment_flashes_three_times_in_any_second(state):
     """A flash is a pair of opposing changes of at least a tenth of the brightness."""
     pattern = PATTERNS.states[state]
     times = [STEP_S * step for step in range(400)]
+    for t_s in times[::4]:
+        assert len(patterns.light(pattern, t_s)) == SEGMENTS
+        assert all(0.0 <= level <= 1.0 for level in (*patterns.light(pattern, t_s), patterns.base_light(pattern, t_s)))
     for segment in (0, SEGMENTS // 2, SEGMENTS - 1):
         levels = [patterns.light(pattern, t_s)[segment] for t_s in times]
         falls = [t_s for t_s, before, after in zip(times[1:], levels, levels[1:], strict=False) if after < before]
         begins = [t_s for t_s, before in zip(falls[1:], falls, strict=False) if t_s - before > 1.5 * STEP_S]
         assert all(len([t for t in begins if begin <= t < begin + 1.0]) <= 2 for begin in begins)
-
-
-@pytest.mark.parametrize("state", sorted(PATTERNS.states))
-def test_brightness_is_in_range_at_any_time(state):
-    pattern = PATTERNS.states[state]
-    for step in range(300):
-        levels = patterns.light(pattern, 0.037 * step)
-        assert len(levels) == SEGMENTS
-        assert all(0.0 <= level <= 1.0 for level in levels)
-        assert 0.0 <= patterns.base_light(pattern, 0.037 * step) <= 1.0
 
 
 def crest(pattern: Pattern, t_s: float) -> int:
@@ -158,9 +143,9 @@ def test_an_incomplete_table_is_refused():
 # --- pictures --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("state", sorted(PATTERNS.states))
-def test_picture_is_well_formed_svg_with_text_of_state(state, language):
+def test_picture_is_well_formed_svg_with_text_of_state(state):
+    language = LANGUAGES[state % len(LANGUAGES)]
     text = PATTERNS.states[state].text.get(language)
     root = ElementTree.fromstring(picture.svg(PATTERNS, state, language, 1.3))
     assert root.attrib["lang"] == language
@@ -189,11 +174,6 @@ def test_a_picture_that_moves_by_itself_shows_the_same_light(state):
         for frame, value in enumerate(values[:-1]):
             t_s = cycle_s * frame / (len(values) - 1)
             assert value == pytest.approx(patterns.light(pattern, t_s)[segment], abs=0.01)
-
-
-def test_every_pictogram_is_drawn():
-    assert set(get_args(patterns.Pictogram)) == set(picture.PICTOGRAMS)
-    assert all(path for name, path in picture.PICTOGRAMS.items() if name != "none")
 
 
 def test_the_description_is_plain_data():
