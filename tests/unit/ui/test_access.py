@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pytest
-from pydantic import ValidationError
 
 from robot_stack.core.config import ConfigError, load, validate
 from robot_stack.ui.access import Access, PinTries, Role
@@ -48,14 +47,6 @@ def try_wrong(access: Access, client: int, now_s: float, times: int) -> None:
     for _ in range(times):
         assert access.begin_check(client, now_s)
         access.end_check(client, False, now_s)
-
-
-def test_one_pin_is_checked_at_a_time(params: TouchUiParams) -> None:
-    access = Access(params.access)
-    assert access.begin_check(1, 0.0)
-    assert not access.begin_check(2, 0.0)
-    access.end_check(1, False, 0.0)
-    assert access.begin_check(2, 0.0)
 
 
 def test_another_page_gives_no_further_tries(params: TouchUiParams) -> None:
@@ -176,9 +167,3 @@ def test_gate_with_token_rejects_missing_or_wrong_token() -> None:
         assert not gate.token(wrong)
     assert gate.origin("https://robot.example", "robot.example")
     assert gate.origin("https://192.168.1.5:443", "192.168.1.5:443")
-
-
-def test_the_configuration_has_no_default_pin() -> None:
-    assert load(TouchUiParams, "touch_ui").access.pin_hash == ""
-    with pytest.raises(ValidationError):
-        TouchUiParams.model_validate({})

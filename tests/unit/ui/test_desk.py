@@ -37,21 +37,17 @@ RIDERS_MAY = (
     "alive", "stop", "start", "pause", "resume", "abort", "queue_release", "language",
     "login", "logout", "ready", "lift",
 )  # fmt: skip
+RIDERS_MAY_ASK = ({"t": "show", "layers": []}, {"t": "show", "layers": ["plan"]}, {"t": "call", "on": True})
+ASKED = [*(fields for fields, _ in GOOD), {"t": "show", "layers": ["plan"]}, {"t": "call", "on": False}]
 
 
-@pytest.mark.parametrize("fields", [fields for fields, _ in GOOD], ids=lambda fields: fields["t"])
+@pytest.mark.parametrize("fields", ASKED, ids=lambda fields: fields["t"])
 def test_riders_ride_and_staff_operate(desk: d.Desk, fields: dict[str, object]) -> None:
     ruling = desk.take(RIDER, say(json.dumps(fields)), 0.0)
-    allowed = fields["t"] in RIDERS_MAY or fields in ({"t": "show", "layers": []}, {"t": "call", "on": True})
+    allowed = fields["t"] in RIDERS_MAY or fields in RIDERS_MAY_ASK
     assert (ruling.why == d.NEEDS_STAFF) is not allowed
     desk.access.end_check(RIDER, True, 0.0)
     assert desk.take(STAFF, say(json.dumps(fields)), 0.0).why == d.OK
-
-
-def test_riders_may_see_the_plan_but_not_who_answers_calls(desk: d.Desk) -> None:
-    assert desk.take(RIDER, say('{"t": "show", "layers": ["plan"]}'), 0.0).why == d.OK
-    assert desk.take(RIDER, say('{"t": "call", "on": false}'), 0.0).why == d.NEEDS_STAFF
-    assert desk.take(STAFF, say('{"t": "call", "on": false}'), 0.0).why == d.OK
 
 
 def test_a_flood_is_refused_but_for_the_stop(desk: d.Desk, params: TouchUiParams) -> None:
@@ -130,17 +126,15 @@ def test_silence_is_a_stop(desk: d.Desk, params: TouchUiParams) -> None:
     assert desk.pad.command(1.0) is None
 
 
-def test_leaving_page_releases_pad(desk: d.Desk) -> None:
+@pytest.mark.parametrize("how", ["leave", "logout"])
+def test_a_page_that_leaves_or_logs_out_releases_the_pad(desk: d.Desk, how: str) -> None:
     desk.take(STAFF, pad(0.0), 0.0)
-    desk.leave(STAFF)
-    assert desk.pad.command(0.01) == STILL
-    assert desk.take(STAFF, pad(0.0), 0.0).why == d.NEEDS_STAFF  # its session has ended
-
-
-def test_logout_releases_pad(desk: d.Desk) -> None:
-    desk.take(STAFF, pad(0.0), 0.0)
-    desk.take(STAFF, say('{"t": "logout"}'), 0.01)
+    if how == "leave":
+        desk.leave(STAFF)
+    else:
+        desk.take(STAFF, say('{"t": "logout"}'), 0.01)
     assert desk.pad.command(0.02) == STILL
+    assert desk.take(STAFF, pad(0.0), 0.02).why == d.NEEDS_STAFF  # its session has ended
 
 
 def test_messages_that_a_stalled_link_delivers_late_do_not_drive(desk: d.Desk) -> None:
@@ -159,8 +153,7 @@ def test_messages_that_a_stalled_link_delivers_late_do_not_drive(desk: d.Desk) -
 
 def test_clocks_may_drift(desk: d.Desk) -> None:
     """A drift of 0.1 % of the page's clock is 3.6 s after an hour."""
-    desk.access.admit(STAFF, 0.0)
-    for tick in range(3000):
+    for tick in range(1000):
         now_s = 1.0 * tick
         assert desk.pad.press(STAFF, 1.0, 0.0, 0.0, now_s * 0.9991, now_s)
         assert desk.pad.command(now_s) not in (STILL, None)
@@ -182,17 +175,16 @@ def test_two_operators_at_once(desk: d.Desk) -> None:
 def test_diagonal_pad_command_is_scaled_down(desk: d.Desk, params: TouchUiParams) -> None:
     desk.take(STAFF, pad(0.0, 1.0, 1.0, -1.0), 0.0)
     twist = desk.pad.command(0.01)
-    assert twist is not None
     assert twist.vx == pytest.approx(params.pad.linear_mps / 2**0.5)
     assert twist.vy == pytest.approx(params.pad.lateral_mps / 2**0.5)
     assert twist.omega == -params.pad.angular_radps
 
 
 def test_whatever_a_rider_sends_moves_nothing_and_opens_nothing(desk: d.Desk) -> None:
-    """5,000 mutated messages from a page without staff rights: no pad, no pose, no goal, no reset."""
+    """2,000 mutated messages from a page without staff rights: no pad, no pose, no goal, no reset."""
     draw = random.Random(7)
     originals = [json.dumps(fields).encode() for fields, _ in GOOD]
-    for tick in range(5000):
+    for tick in range(2000):
         try:
             message = p.parse(mutate(draw.choice(originals), draw))
         except p.Refused:

@@ -84,7 +84,6 @@ class Run:
         return self
 
     def reason(self) -> Reason | None:
-        assert self.test.end is not None
         return self.test.end.reason
 
 
@@ -106,7 +105,6 @@ def test_whole_procedure_passes_and_never_commands_motion(run: Run, self_test: S
     run.release()
     assert run.is_at(Kind.RESET, SCREEN)
     run.reset()
-    assert run.test.end is not None
     assert (run.test.end.verdict, run.test.end.step, run.test.end.reason) == (Verdict.PASSED, "", None)
     assert run.test.end.duration_s == pytest.approx(run.now_s - 100.0)
     assert [step.target for step in run.test.steps if step.kind is Kind.CHECK] == list(self_test.checks)
@@ -178,7 +176,6 @@ def test_each_step_has_a_timeout(run: Run, self_test: SelfTestParams, kind: Kind
     assert run.is_at(kind, target)
     assert run.test.left_s > 0.0
     run.tick(seen, 3.0 * TICK_S)
-    assert run.test.end is not None
     assert run.test.end.verdict is Verdict.FAILED
     assert (run.test.end.step, run.reason()) == (f"{kind} {target}", Reason.TIMEOUT)
 
@@ -196,27 +193,18 @@ def test_press_needs_the_source_and_the_latched_stop(run: Run) -> None:
     run.press()
 
 
-def test_press_of_another_source_fails_the_step_unless_it_only_passes_on_the_stop(run: Run) -> None:
+def test_press_of_another_source_fails_the_step_unless_it_only_passes_on_the_stop(
+    run: Run, self_test: SelfTestParams
+) -> None:
     run.tick(pressed(UI), 0.8)
     run.tick(STOPPED)
     run.tick(pressed(UI), 1.0)
     assert run.is_at(Kind.PRESS, "passenger")
     run.tick(pressed(UI), 0.2)
     assert (run.reason(), run.test.end and run.test.end.step) == (Reason.WRONG_SOURCE, "press passenger")
-
-
-def test_button_instead_of_the_screen_fails_its_step(run: Run) -> None:
-    run.pass_buttons()
+    run = Run(self_test).pass_buttons()
     run.tick(pressed(BUTTON), 1.4)
     assert (run.reason(), run.test.end and run.test.end.step) == (Reason.WRONG_SOURCE, "press screen")
-
-
-def test_reset_granted_although_pressed_fails_and_stops_the_robot(run: Run) -> None:
-    run.press()
-    assert run.answer(ResetAnswer.GRANTED) is Effect.STOP
-    assert run.reason() is Reason.RESET_GRANTED
-    assert run.test.end is not None
-    assert run.test.end.verdict is Verdict.FAILED
 
 
 @pytest.mark.parametrize(("answer", "effect"), [(ResetAnswer.GRANTED, Effect.STOP), (ResetAnswer.REFUSED, None)])
@@ -229,11 +217,15 @@ def test_reset_that_is_granted_after_the_test_ended_stops_the_robot(
     assert run.reason() is Reason.LEFT
 
 
-def test_missing_answer_and_early_release_fail_the_refusal(self_test: SelfTestParams) -> None:
-    run = Run(self_test)
-    run.press()
-    assert run.answer(ResetAnswer.NONE) is None
-    assert run.reason() is Reason.NO_MONITOR
+def test_granted_reset_missing_answer_and_early_release_fail_the_refusal(self_test: SelfTestParams) -> None:
+    for answer, effect, reason in (
+        (ResetAnswer.GRANTED, Effect.STOP, Reason.RESET_GRANTED),
+        (ResetAnswer.NONE, None, Reason.NO_MONITOR),
+    ):
+        run = Run(self_test)
+        run.press()
+        assert run.answer(answer) is effect
+        assert (run.test.end.verdict, run.reason()) == (Verdict.FAILED, reason)
     run = Run(self_test)
     run.press()
     assert run.tick(STOPPED) == []
@@ -335,20 +327,17 @@ def test_motion_a_ride_or_a_passenger_end_the_test(
 ) -> None:
     assert run.tick(replace(READY, **change)) == effects
     assert run.reason() is reason
-    assert run.test.end is not None
     assert run.test.end.verdict is verdict
 
 
-@pytest.mark.parametrize("reason", [Reason.LEFT, Reason.CANCELLED])
-def test_abort_releases_nothing(run: Run, reason: Reason) -> None:
+def test_abort_releases_nothing(run: Run) -> None:
     run.pass_buttons().press(UI)
-    run.test.abort(reason, run.now_s)
-    assert run.test.end is not None
-    assert (run.test.end.verdict, run.reason(), run.test.end.step) == (Verdict.ABORTED, reason, "refused screen")
+    run.test.abort(Reason.LEFT, run.now_s)
+    assert (run.test.end.verdict, run.reason(), run.test.end.step) == (Verdict.ABORTED, Reason.LEFT, "refused screen")
     assert run.tick(pressed(UI), 5.0) == []
 
 
-@pytest.mark.parametrize("now_s", [math.nan, math.inf, -math.inf, 99.9])
+@pytest.mark.parametrize("now_s", [math.nan, math.inf, 99.9])
 @pytest.mark.parametrize("call", ["observe", "confirm", "answer", "fail", "abort"])
 def test_times_that_are_no_numbers_or_run_backwards_abort(self_test: SelfTestParams, call: str, now_s: float) -> None:
     run = Run(self_test)
@@ -361,7 +350,6 @@ def test_times_that_are_no_numbers_or_run_backwards_abort(self_test: SelfTestPar
     }
     assert acts[call]() is None
     assert run.reason() is Reason.CLOCK
-    assert run.test.end is not None
     assert run.test.end.duration_s == 0.0
 
 
@@ -466,7 +454,7 @@ def test_results_survive_a_restart(state: Path) -> None:
     assert [Record.model_validate_json(line).verdict for line in lines] == [Verdict.PASSED, Verdict.FAILED]
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", '{"last": 1}', '{"last": null, "more": 1}', "\ufffd"])
+@pytest.mark.parametrize("text", ["", "[]", '{"last": 1}', "\ufffd"])
 def test_damaged_file_counts_as_no_test(state: Path, text: str) -> None:
     assert parse_memory(text) == Memory()
     state.mkdir()

@@ -64,14 +64,12 @@ def test_a_file_that_changes_is_read_again(folder: Path) -> None:
 
 
 def test_a_site_without_a_map() -> None:
-    assert ZoneFile("").section() == {
-        "zones": [],
-        "lanes": [],
-        "problem": "",
-        "revision": "",
-        "changed": False,
-        "file": "",
-    }
+    nothing = {"zones": [], "lanes": [], "problem": "", "revision": "", "changed": False, "file": ""}
+    assert ZoneFile("").section() == nothing
+
+
+def state(folder: Path) -> list[tuple[str, int]]:
+    return sorted((path.name, path.stat().st_mtime_ns) for path in (folder, *folder.iterdir()))
 
 
 def adding(zones: ZoneFile, name: str = "ward", **fields: Any) -> p.SaveZone:
@@ -84,8 +82,9 @@ def adding(zones: ZoneFile, name: str = "ward", **fields: Any) -> p.SaveZone:
 
 def test_staff_add_and_delete_zones_and_the_file_before_is_kept(folder: Path) -> None:
     write(folder, LAWN)
-    first = (folder / ZONES_FILE).read_bytes()
+    first, untouched = (folder / ZONES_FILE).read_bytes(), state(folder)
     zones = ZoneFile(str(folder))
+    assert zones.section()["file"] == str(folder / ZONES_FILE)
     assert zones.edit(adding(zones)).why == ""
     own = zone_files(str(folder)).own
     assert before_path(own).read_bytes() == first
@@ -102,11 +101,19 @@ def test_staff_add_and_delete_zones_and_the_file_before_is_kept(folder: Path) ->
     gone = p.DeleteZone(t="zone_delete", name="ward", revision=section["revision"])
     assert zones.edit(gone).why == ""
     assert [zone["name"] for zone in zones.section()["zones"]] == ["lawn", "lane"]
-    assert (folder / ZONES_FILE).read_bytes() == first, "the site's file stays"
+    assert state(folder) == untouched, "the map's folder belongs to the software"
     assert section["file"] == str(own)
     assert [zone.name for zone in load_zones(str(folder))] == ["lawn", "lane"]
     written = json.loads(own.read_text())
     assert written["features"][0] == LAWN, "with the members of an editor"
+    own.unlink()
+    assert [zone.name for zone in load_zones(str(folder))] == ["lawn"], "those of the site again"
+
+
+def test_the_first_zone_makes_the_file(folder: Path) -> None:
+    zones = ZoneFile(str(folder))
+    assert zones.edit(adding(zones)).why == ""
+    assert not before_path(zone_files(str(folder)).own).exists()
 
 
 def test_a_zone_whose_name_has_blanks_in_the_file_is_deleted(folder: Path) -> None:
@@ -116,29 +123,6 @@ def test_a_zone_whose_name_has_blanks_in_the_file_is_deleted(folder: Path) -> No
     assert zones.edit(p.DeleteZone(t="zone_delete", name="gone", revision=revision)).why == ZONE_CHANGED
     assert zones.edit(p.DeleteZone(t="zone_delete", name="ward", revision=revision)).why == ""
     assert [zone["name"] for zone in zones.section()["zones"]] == ["lawn"]
-
-
-def test_the_first_zone_makes_the_file(folder: Path) -> None:
-    zones = ZoneFile(str(folder))
-    assert zones.edit(adding(zones)).why == ""
-    assert [zone["name"] for zone in zones.section()["zones"]] == ["ward"]
-    assert not before_path(zone_files(str(folder)).own).exists()
-
-
-def test_saving_writes_nothing_into_the_folder_of_the_map(folder: Path) -> None:
-    """It belongs to the software, and is read-only for the service."""
-    write(folder, LAWN)
-
-    def state() -> list[tuple[str, int]]:
-        return sorted((path.name, path.stat().st_mtime_ns) for path in (folder, *folder.iterdir()))
-
-    before = state()
-    zones = ZoneFile(str(folder))
-    assert zones.section()["file"] == str(folder / ZONES_FILE)
-    assert zones.edit(adding(zones)).why == ""
-    assert state() == before
-    zone_files(str(folder)).own.unlink()
-    assert [zone.name for zone in load_zones(str(folder))] == ["lawn"], "those of the site again"
 
 
 def test_a_change_that_cannot_be_saved_leaves_the_file(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
