@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import pytest
@@ -47,19 +48,23 @@ def next_start_s(life: Lifecycle, from_s: float) -> float:
     return from_s + 0.01 * step
 
 
-def test_first_start_is_at_once_and_no_restart() -> None:
-    life = started()
-    assert life.state is State.STARTING
-    assert life.restarts == 0
-
-
 def test_heartbeat_sets_waiting_and_ready_state() -> None:
     life = started()
+    assert (life.state, life.restarts) == (State.STARTING, 0)
     life.heartbeat(0.5, False, "/odom")
     assert (life.state, life.reason) == (State.WAITING, "/odom")
     life.heartbeat(0.7, True, "")
     assert (life.state, life.reason) == (State.READY, "")
     assert life.heartbeat_age_s(1.0) == pytest.approx(0.3)
+
+
+def test_exit_zero_is_a_crash_too_after_which_the_construction_has_its_timeout_again() -> None:
+    life = ready()
+    life.exited(1.0, 0)
+    assert life.state is State.BACKOFF
+    life.started(2.0)
+    life.heartbeat(2.5, False, "/odom")
+    assert life.order(60.0) is Order.NONE
 
 
 def test_crash_restarts_with_growing_delay_up_to_the_longest() -> None:
@@ -75,12 +80,6 @@ def test_crash_restarts_with_growing_delay_up_to_the_longest() -> None:
         now_s = again_s
     assert delays == pytest.approx([1.0, 2.0, 4.0, 5.0, 5.0], abs=0.011)
     assert life.restarts == 5
-
-
-def test_unexpected_exit_zero_is_a_crash_too() -> None:
-    life = ready()
-    life.exited(1.0, 0)
-    assert life.state is State.BACKOFF
 
 
 def test_gives_up_after_max_restarts_in_a_minute() -> None:
@@ -117,16 +116,11 @@ def test_long_run_resets_backoff() -> None:
     assert next_start_s(life, now_s + 60.0) == pytest.approx(now_s + 61.0, abs=0.011)
 
 
-def test_refusal_is_final_at_once() -> None:
+def test_refusal_is_final_at_once_until_a_start_on_request() -> None:
     life = started()
     life.exited(0.3, 2)
     assert life.state is State.FAILED
     assert life.order(100.0) is Order.NONE
-
-
-def test_process_that_was_given_up_can_be_started_on_request() -> None:
-    life = started()
-    life.exited(0.3, 2)
     life.wanted(1.0)
     assert life.order(1.0) is Order.START
     life.started(1.0)
@@ -166,46 +160,27 @@ def test_long_first_callback_before_ready_is_not_a_hang() -> None:
     assert life.order(104.1) is Order.TERMINATE
 
 
-def test_a_process_that_was_ready_once_is_judged_also_while_it_waits() -> None:
+@pytest.mark.parametrize(
+    ("happens", "hung_at_s"),
+    [
+        (lambda life: life.heartbeat(1.0, False, "/odom"), 4.0),  # ready once, now waiting
+        (lambda life: life.forgive(50.0), 53.0),  # the supervisor was absent
+        (lambda life: life.starved(2.0), 5.0),
+        (lambda life: (life.starved(2.0), life.heartbeat(2.5, True, "")), 5.5),
+    ],
+    ids=["waits", "absent supervisor", "starved", "heartbeat after starvation"],
+)
+def test_silence_is_a_hang_after_its_time(happens: Callable[[Lifecycle], object], hung_at_s: float) -> None:
     life = ready()
-    life.heartbeat(1.0, False, "/odom")
-    assert life.order(4.1) is Order.TERMINATE
-
-
-def test_restarted_process_gets_construction_timeout_again() -> None:
-    life = ready()
-    life.exited(1.0, 1)
-    life.started(2.0)
-    life.heartbeat(2.5, False, "/odom")
-    assert life.order(60.0) is Order.NONE
+    happens(life)
+    assert life.order(hung_at_s - 0.1) is Order.NONE
+    assert life.order(hung_at_s + 0.1) is Order.TERMINATE
 
 
 def test_silence_without_judgement_is_not_a_hang() -> None:
     life = ready()
     assert life.order(100.0, judge=False) is Order.NONE
     assert life.state is State.READY
-
-
-def test_absence_of_the_supervisor_is_forgiven() -> None:
-    life = ready()
-    life.forgive(50.0)
-    assert life.order(52.0) is Order.NONE
-    assert life.order(53.1) is Order.TERMINATE
-
-
-def test_starvation_time_extends_hang_timeout() -> None:
-    life = ready()
-    life.starved(2.0)
-    assert life.order(4.9) is Order.NONE
-    assert life.order(5.1) is Order.TERMINATE
-
-
-def test_a_heartbeat_ends_the_account_of_a_silence() -> None:
-    life = ready()
-    life.starved(2.0)
-    life.heartbeat(2.5, True, "")
-    assert life.order(5.4) is Order.NONE
-    assert life.order(5.6) is Order.TERMINATE
 
 
 def test_restart_of_a_running_process_ends_it_and_starts_at_once() -> None:
@@ -260,37 +235,21 @@ def test_never_more_starts_in_a_minute_than_allowed(events: list[tuple[float, st
         assert len([s for s in starts if now_s - s <= 60.0]) <= ROW.max_restarts + 1
 
 
-class TestJudged:
-    """Processes whose silence counts as a fault."""
-
-    def test_one_silent_among_others_counts(self) -> None:
-        assert "a" in judged({"a": True, "b": False})
-
-    def test_everybody_silent_is_nobodys_fault(self) -> None:
-        assert judged({"a": True, "b": True}) == frozenset()
-
-    def test_a_process_alone_counts(self) -> None:
-        assert judged({"a": True}) == {"a"}
+@pytest.mark.parametrize(
+    ("silent", "counts"),
+    [({"a": True, "b": False}, {"a"}), ({"a": True, "b": True}, set()), ({"a": True}, {"a"})],
+    ids=["one among others", "everybody silent", "a process alone"],
+)
+def test_silence_that_counts_as_a_fault(silent: dict[str, bool], counts: set[str]) -> None:
+    assert set(judged(silent)) & {"a"} == counts
 
 
-class TestStartQueue:
-    """Processes whose first start has to wait."""
-
-    @staticmethod
-    def wanted() -> Lifecycle:
-        life = Lifecycle(ROW, PARAMS)
-        life.wanted(0.0)
-        return life
-
-    def test_one_too_many_waits(self) -> None:
-        queue = StartQueue(2, frozenset())
-        assert not queue.holds("a", self.wanted(), starting=1)
-        assert queue.holds("a", self.wanted(), starting=2)
-
-    def test_start_queue_never_holds_the_clock_process(self) -> None:
-        assert not StartQueue(2, frozenset({"world"})).holds("world", self.wanted(), starting=9)
-
-    def test_start_queue_does_not_hold_restart_of_died_process(self) -> None:
-        life = started()
-        life.exited(1.0, -9)
-        assert not StartQueue(1, frozenset()).holds("a", life, starting=9)
+def test_start_queue_holds_first_starts_but_neither_the_clock_nor_a_restart() -> None:
+    first, died = Lifecycle(ROW, PARAMS), started()
+    first.wanted(0.0)
+    died.exited(1.0, -9)
+    queue = StartQueue(2, frozenset({"world"}))
+    assert not queue.holds("a", first, starting=1)
+    assert queue.holds("a", first, starting=2)
+    assert not queue.holds("world", first, starting=9)
+    assert not queue.holds("a", died, starting=9)
