@@ -10,14 +10,12 @@ from robot_stack.contract.model import SafetyState
 from robot_stack.system_monitor.robot_status import Battery, Mission, Safety, Summary, current_mission
 
 
-@pytest.mark.parametrize(("charge", "percent"), [(0.0, 0.0), (0.805, 80.5), (1.0, 100.0)])
-def test_charge_in_percent(charge: float, percent: float) -> None:
-    assert Battery(48.0, charge, -2.0).percent == pytest.approx(percent)
-
-
-@pytest.mark.parametrize("charge", [math.nan, -0.01, 1.01, 80.0])
-def test_a_charge_that_cannot_be_is_unknown(charge: float) -> None:
-    assert math.isnan(Battery(charge=charge).percent)
+@pytest.mark.parametrize(
+    ("charge", "percent"),
+    [(0.0, 0.0), (0.805, 80.5), (1.0, 100.0), (math.nan, math.nan), (-0.01, math.nan), (1.01, math.nan)],
+)
+def test_charge_in_percent_and_one_that_cannot_be_is_unknown(charge: float, percent: float) -> None:
+    assert Battery(48.0, charge, -2.0).percent == pytest.approx(percent, nan_ok=True)
 
 
 @pytest.mark.parametrize(
@@ -33,21 +31,14 @@ def test_a_charge_that_cannot_be_is_unknown(charge: float) -> None:
 )
 def test_safety_states(state: str, shown: str) -> None:
     assert Safety(state).shown == shown
+    assert all(Safety(known.name).shown for known in SafetyState)
 
 
-def test_every_safety_state_is_shown() -> None:
-    assert all(Safety(state.name).shown for state in SafetyState)
-
-
-@pytest.mark.parametrize("state", ["RUNNING", "WAITING", "PAUSED"])
-def test_active_mission_is_current_mission(state: str) -> None:
+def test_only_an_active_mission_is_the_current_one() -> None:
     mission = Mission("tour", "gate", 1, 4)
-    assert current_mission(state, mission) == mission
-
-
-@pytest.mark.parametrize("state", ["IDLE", "COMPLETED", "ABORTED", "FAILED", ""])
-def test_inactive_mission_is_not_current_mission(state: str) -> None:
-    assert current_mission(state, Mission("tour", "gate", 4, 4)) == Mission("", "", 0, 0)
+    assert all(current_mission(state, mission) == mission for state in ("RUNNING", "WAITING", "PAUSED"))
+    others = ("IDLE", "COMPLETED", "ABORTED", "FAILED", "")
+    assert all(current_mission(state, mission) == Mission("", "", 0, 0) for state in others)
 
 
 def test_all_values_are_unknown_at_first() -> None:

@@ -27,7 +27,6 @@ NODES = ("swerve_controller", "imu_driver")
 )
 def test_input_description_round_trip(state: InputState) -> None:
     read = parse_input("/odom", describe_input(state))
-    assert read is not None
     assert (read.fresh, read.received) == (state.fresh, state.received)
     assert (read.age_s, read.rate_hz) == pytest.approx((state.age_s, state.rate_hz), nan_ok=True)
 
@@ -72,7 +71,6 @@ def test_topic_never_received_is_described_as_such() -> None:
     health = TopicHealth(5.0)
     report(health, "ndt_localization", "received=0 rate_hz=nan age_s=inf fresh=False", 1.0)
     figures = health.figures("/odom", 1.0)
-    assert figures is not None
     assert (math.isnan(figures.rate_hz), figures.age_s) == (True, math.inf)
     assert describe_topic(topics.ODOM, figures) == "nothing received"
 
