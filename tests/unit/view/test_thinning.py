@@ -29,17 +29,12 @@ def test_a_voxel_keeps_one_of_its_points() -> None:
     assert rows_of(kept) > rows_of(cloud((0.6, 0.1, 0.1), (0.1, 0.1, -0.1)))
 
 
-def test_points_are_points_of_the_sweep() -> None:
-    given = sweep([Solid((4.0, -3.0, 0.0), (4.3, 3.0, 2.0))])
-    kept = thinned(given, PARAMS)
-    assert kept.dtype == XYZ
-    assert rows_of(kept) < rows_of(given)
-
-
 def test_every_point_of_the_sweep_has_a_kept_one_in_its_voxel() -> None:
     given = sweep([Solid((4.0, -3.0, 0.0), (4.3, 3.0, 2.0))])
     kept = thinned(given, PARAMS)
     assert len(kept) < PARAMS.points_max, "voxels of the parameters' size"
+    assert kept.dtype == XYZ
+    assert rows_of(kept) < rows_of(given)
     voxels, shown = (np.floor(xyz_of(item) / PARAMS.voxel_m) for item in (given, kept))
     near = np.linalg.norm(xyz_of(given), axis=1) <= PARAMS.range_m
     assert {tuple(row) for row in voxels[near].tolist()} == {tuple(row) for row in shown.tolist()}
@@ -49,14 +44,10 @@ def test_points_that_are_not_finite_or_too_far_are_left_out() -> None:
     far = (40.5, 0.0, 0.0)
     wrong = [(np.nan, 1.0, 1.0), (1.0, np.inf, 1.0), (1.0, 1.0, -np.inf), (3e38, 3e38, 3e38), far]
     assert rows_of(thinned(cloud((1.0, 2.0, 3.0), *wrong), PARAMS)) == {(1.0, 2.0, 3.0)}
-    assert len(thinned(cloud(*wrong), PARAMS)) == 0
+    assert len(thinned(cloud(*wrong), PARAMS)) == len(thinned(np.empty(0, SWEEP), PARAMS)) == 0
 
 
-def test_an_empty_sweep_is_an_empty_cloud() -> None:
-    assert len(thinned(np.empty(0, SWEEP), PARAMS)) == 0
-
-
-@pytest.mark.parametrize("points_max", [100, 1000, 5000])
+@pytest.mark.parametrize("points_max", [100, 5000])
 def test_any_sweep_fits(points_max: int) -> None:
     """Returns that fill the space, as in heavy snow: no two share a voxel."""
     params = RemoteCloudParams(range_m=200.0, voxel_m=0.05, points_max=points_max)
