@@ -107,6 +107,17 @@ def recorded() -> Recorded:
     return Recorded(sweeps, odometry, [true_pose(float(time)) for time in times])
 
 
+def in_order(recording: Recorded):
+    """Yields (time, points, None) of a sweep and (time, None, pose) of odometry, as a robot sends them."""
+    sweeps = iter(recording.sweeps)
+    waiting = next(sweeps, None)
+    for time_s, pose in recording.odometry:
+        while waiting is not None and waiting[0] <= time_s:
+            yield *waiting, None
+            waiting = next(sweeps, None)
+        yield time_s, None, pose
+
+
 def params() -> MappingParams:
     """The configured parameters, adapted to few points."""
     base = load(MappingParams, "mapping").model_dump()
@@ -125,13 +136,11 @@ def collected(recording: Recorded):
     for time_s in np.arange(0.0, DURATION_S + 0.5, 0.02):
         rate = SPEED_MPS / RADIUS_M if time_s > STAND_S else 0.0
         collector.imu(EPOCH_S + float(time_s), 0.0, 0.0, rate + 0.002)
-    sweeps = iter(recording.sweeps)
-    waiting = next(sweeps)
-    for time_s, pose in recording.odometry:
-        while waiting is not None and waiting[0] <= time_s:
-            collector.sweep(EPOCH_S + waiting[0], waiting[1])
-            waiting = next(sweeps, None)
-        collector.odometry(EPOCH_S + time_s, pose.x, pose.y, pose.yaw)
+    for time_s, points, pose in in_order(recording):
+        if pose is None:
+            collector.sweep(EPOCH_S + time_s, points)
+        else:
+            collector.odometry(EPOCH_S + time_s, pose.x, pose.y, pose.yaw)
     return collector.finish()
 
 

@@ -58,31 +58,18 @@ def test_open_ground_is_free_and_unobserved_space_is_unknown(grid):
     assert share(grid, UNKNOWN, 0.0, 0.4, 2.2, 3.6) == 1.0
 
 
-def test_kerb_of_5_cm_is_occupied_without_gap(grid):
+def test_kerb_platform_and_side_of_a_ramp_are_occupied_without_gap(grid):
     for y in np.arange(1.4, 3.6, 0.1):
         assert share(grid, OCCUPIED, 3.9, 4.3, y, y + 0.1) > 0.0, f"a hole in the kerb at y = {y:.1f}"
-
-
-def test_step_up_to_platform_is_occupied_without_gap(grid):
-    for y in np.arange(1.4, 3.6, 0.1):
         assert share(grid, OCCUPIED, 4.8, 5.2, y, y + 0.1) > 0.0, f"a hole in the step at y = {y:.1f}"
-
-
-def test_pit_is_occupied(grid):
-    assert share(grid, OCCUPIED, 0.8, 3.8, 4.1, 5.8) > 0.99
-
-
-def test_a_ramp_of_10_deg_is_free(grid):
-    assert share(grid, FREE, 0.6, 3.5, -1.2, 0.7) > 0.99
-
-
-def test_side_of_ramp_is_occupied_without_gap(grid):
     for x in np.arange(2.0, 3.6, 0.1):
         assert share(grid, OCCUPIED, x, x + 0.1, 0.8, 1.2) > 0.0, f"a way off the ramp at x = {x:.1f}"
 
 
-def test_a_post_is_occupied(grid):
+def test_pit_and_post_are_occupied_and_a_ramp_of_10_deg_is_free(grid):
+    assert share(grid, OCCUPIED, 0.8, 3.8, 4.1, 5.8) > 0.99
     assert share(grid, OCCUPIED, 2.0, 2.1, 2.0, 2.1) == 1.0
+    assert share(grid, FREE, 0.6, 3.5, -1.2, 0.7) > 0.99
 
 
 def test_no_ground_is_an_error():
