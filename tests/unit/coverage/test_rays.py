@@ -40,11 +40,6 @@ def test_the_range_to_one_solid(item: Placed, expected_m: float) -> None:
     assert own_ranges(np.zeros(3), AHEAD, [item])[0] == pytest.approx(expected_m)
 
 
-def test_the_nearest_solid_counts() -> None:
-    near, far = solid("box", (0.2, 1.0, 1.0), (1.0, 0.0, 0.0)), solid("box", (0.2, 1.0, 1.0), (2.0, 0.0, 0.0))
-    assert own_ranges(np.zeros(3), AHEAD, [far, near])[0] == pytest.approx(0.9)
-
-
 @given(
     st.floats(-3.0, 3.0),
     st.floats(-3.0, 3.0),
@@ -100,5 +95,6 @@ def test_a_sensor_above_a_thing_sees_its_top() -> None:
 def test_a_turned_solid_stands_where_its_parent_puts_it() -> None:
     item = Solid(kind="box", size_m=(0.2, 2.0, 1.0), at_m=(1.0, 0.0, 0.0), turn_deg=(0.0, 0.0, 0.0), colour="#000000")
     turned = Placed("x", item, transform((0.0, 0.0, 0.0), (0.0, 0.0, 90.0)) @ item.pose())
-    left = np.array([[0.0, 1.0, 0.0]])
+    left, nearer = np.array([[0.0, 1.0, 0.0]]), solid("box", (1.0, 0.2, 1.0), (0.0, 0.5, 0.0))
     assert own_ranges(np.zeros(3), left, [turned])[0] == pytest.approx(0.9)
+    assert own_ranges(np.zeros(3), left, [turned, nearer])[0] == pytest.approx(0.4)
