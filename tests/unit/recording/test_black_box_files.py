@@ -80,15 +80,12 @@ def rig(tmp_path: Path, disk: dict[str, float]) -> Rig:
     return Rig(tmp_path / "box")
 
 
-def test_the_disk_always_has_the_last_minute_and_little_more(rig: Rig) -> None:
-    rig.run(200.0)
-    assert len(rig.segments()) == 8
-    assert read_events(rig.events) == []
-    assert rig.box.problem == ""
-
-
 def test_an_event_is_a_recording_from_a_minute_before_to_ten_seconds_after(rig: Rig) -> None:
-    rig.run(200.0)
+    rig.run(195.0)
+    rig.box.trigger(())  # no reason, no event
+    rig.run(5.0)
+    assert len(rig.segments()) == 8, "the last minute and little more"
+    assert read_events(rig.events) == []
     rig.box.trigger(("CONTACT", "EMERGENCY_STOP"))
     rig.run(100.0)
     (event,) = read_events(rig.events)
@@ -119,12 +116,6 @@ def test_triggers_close_together_are_one_event_and_later_ones_another(rig: Rig) 
     assert rig.numbers(late.id)[0] <= (136.0 - 60.0) / STEP_S
 
 
-def test_no_reason_is_no_event(rig: Rig) -> None:
-    rig.box.trigger(())
-    rig.run(5.0)
-    assert read_events(rig.events) == []
-
-
 def test_two_events_of_one_second_have_two_names(rig: Rig) -> None:
     rig.run(1.0)
     rig.box.trigger(("CONTACT",))
@@ -139,13 +130,13 @@ def test_two_events_of_one_second_have_two_names(rig: Rig) -> None:
 
 
 def test_a_chattering_fault_does_not_make_the_record_grow(rig: Rig) -> None:
-    for _ in range(400):
+    for _ in range(250):
         rig.box.trigger(("COLLISION_IMMINENT",))
         rig.run(0.5)
     rig.run(20.0)
     (event,) = read_events(rig.events)
     assert len(event.triggers) == 100
-    assert rig.numbers(event.id)[-1] + 1 >= 210.0 / STEP_S, "the messages are kept to the end"
+    assert rig.numbers(event.id)[-1] + 1 >= 135.0 / STEP_S, "the messages are kept to the end"
 
 
 # --- ends of the black box -------------------------------------------------------------------------------------------
@@ -239,7 +230,7 @@ box, writer = test.open_real(Path(sys.argv[1]))
 for number in range(10**9):
     at_ns = round(1e9 * test.EPOCH_S) + number
     writer.add("/mission/status", at_ns, at_ns, test.status(number))
-    if number == int(sys.argv[2]):
+    if number == 60:
         box.trigger(("CONTACT",))
     if number % 10 == 0:
         turns.acquire()
@@ -255,11 +246,9 @@ def open_real(folder: Path) -> Any:
     return open_black_box(folder, list(ROWS), params, KEPT, Clocks(time.monotonic, time.time, time.time))
 
 
-@pytest.mark.parametrize("trigger", [60, 10**9], ids=["in an event", "without an event"])
-def test_a_killed_process_keeps_what_was_flushed(tmp_path: Path, disk: dict[str, float], trigger: int) -> None:
-    command = [sys.executable, "-c", _WRITE_FOR_EVER, str(tmp_path / "box"), str(trigger)]
+def test_a_killed_process_keeps_what_was_flushed(tmp_path: Path, disk: dict[str, float]) -> None:
+    command = [sys.executable, "-c", _WRITE_FOR_EVER, str(tmp_path / "box")]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=os.getcwd())
-    assert process.stdout is not None
     try:
         flushed = 0
         while flushed < 200:
@@ -276,7 +265,7 @@ def test_a_killed_process_keeps_what_was_flushed(tmp_path: Path, disk: dict[str,
     rig.run(15.0)
     (event,) = read_events(rig.events)
     assert event.state is EventState.COMPLETE
-    assert event.reasons == (("CONTACT", INTERRUPTED) if trigger == 60 else (INTERRUPTED,))
+    assert event.reasons == ("CONTACT", INTERRUPTED)
     numbers = rig.numbers(event.id)
     # The new black box counts from 0, with later times.
     before = [number for position, number in enumerate(numbers) if number == position]
@@ -407,7 +396,6 @@ def test_refused_writes_are_reported_and_writing_goes_on(tmp_path: Path) -> None
 def test_provenance_names_software_map_configuration_and_nodes(tmp_path: Path) -> None:
     kept = provenance("yard", lambda: 0.0)
     assert len(kept.software.sha256) == 64
-    assert kept.map is not None
     assert (kept.map.name, len(kept.map.sha256)) == ("yard", 64)
     (tmp_path / "config.tar.gz").write_bytes(kept.config)
     with tarfile.open(tmp_path / "config.tar.gz") as archive:

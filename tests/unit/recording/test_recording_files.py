@@ -123,25 +123,6 @@ def test_mcap_and_its_ros2_decoder_read_the_file(tmp_path):
     assert (decoded.mission_name, decoded.header.stamp.sec, decoded.passenger_attached) == ("走行", 7, True)
 
 
-def test_the_bytes_are_those_of_the_wire(tmp_path):
-    bag = make_bag(tmp_path / "ride")
-    fill(bag, 3)
-    bag.close()
-    with Reader(tmp_path / "ride") as reader:
-        kept = [bytes(data) for connection, _, data in reader.messages() if connection.topic == "/mission/status"]
-    assert kept == [status(number) for number in range(3)]
-
-
-def test_a_file_alone_carries_its_metadata_for_rosbag2(tmp_path):
-    bag = make_bag(tmp_path / "ride")
-    fill(bag, 5)
-    bag.close()
-    with open(tmp_path / "ride" / "ride_0.mcap", "rb") as file:
-        records = {item.name: item.metadata for item in make_reader(file).iter_metadata()}
-    inside = yaml.safe_load(records["rosbag2"]["serialized_metadata"])
-    assert (inside["version"], inside["message_count"], inside["ros_distro"]) == (9, 6, "jazzy")
-
-
 def test_metadata_yaml_is_rosbag2s(tmp_path):
     bag = make_bag(tmp_path / "ride")
     fill(bag, 5)
@@ -156,12 +137,18 @@ def test_metadata_yaml_is_rosbag2s(tmp_path):
     stop = next(row for row in data["topics_with_message_count"] if row["topic_metadata"]["name"] == "/emergency_stop")
     profile = stop["topic_metadata"]["offered_qos_profiles"][0]
     assert profile["deadline"] == {"sec": 9_223_372_036, "nsec": 854_775_807}
+    with open(tmp_path / "ride" / "ride_0.mcap", "rb") as file:  # which carries its metadata too
+        records = {item.name: item.metadata for item in make_reader(file).iter_metadata()}
+    inside = yaml.safe_load(records["rosbag2"]["serialized_metadata"])
+    assert (inside["version"], inside["message_count"], inside["ros_distro"]) == (9, 6, "jazzy")
 
 
-def test_an_empty_recording_is_readable(tmp_path):
+def test_an_empty_recording_is_readable_and_a_folder_that_exists_is_not_touched(tmp_path):
     make_bag(tmp_path / "ride").close()
     with Reader(tmp_path / "ride") as reader:
         assert reader.message_count == 0
+    with pytest.raises(FileExistsError):
+        make_bag(tmp_path / "ride")
 
 
 def test_a_long_recording_is_split_and_read_as_one(tmp_path):
@@ -174,12 +161,6 @@ def test_a_long_recording_is_split_and_read_as_one(tmp_path):
     assert waypoints(tmp_path / "ride") == expected(400)
     with Reader(tmp_path / "ride") as reader:
         assert reader.message_count == 440
-
-
-def test_a_folder_that_exists_is_not_touched(tmp_path):
-    (tmp_path / "ride").mkdir()
-    with pytest.raises(FileExistsError):
-        make_bag(tmp_path / "ride")
 
 
 # --- cut off ---------------------------------------------------------------------------------------------------------
@@ -240,19 +221,12 @@ def test_recovery_of_split_recording_leaves_complete_files_unchanged(tmp_path):
     assert waypoints(tmp_path / "ride") == expected(200)
 
 
-def test_recovery_without_metadata_yaml(tmp_path):
-    flushed_bag(tmp_path / "ride")
-    (tmp_path / "ride" / "metadata.yaml").unlink()
-    recover_folder(tmp_path / "ride")
-    assert waypoints(tmp_path / "ride") == expected(90)
-
-
 @pytest.fixture(scope="module")
 def cut_off(tmp_path_factory) -> bytes:
     return flushed_bag(tmp_path_factory.mktemp("cut") / "ride", parts=(1, 5, 5))
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(st.floats(0.0, 1.0))
 def test_a_file_cut_at_any_byte_keeps_its_whole_chunks(tmp_path_factory, cut_off, share):
     size = round(share * len(cut_off))
@@ -272,15 +246,14 @@ def test_a_file_cut_at_any_byte_keeps_its_whole_chunks(tmp_path_factory, cut_off
         assert sum(1 for _ in make_reader(file, validate_crcs=True).iter_messages()) == count
 
 
-@pytest.mark.parametrize("hole", [40, 400])
-def test_a_power_cut_that_leaves_zeros_loses_the_last_chunk_only(tmp_path, hole):
+def test_a_power_cut_that_leaves_zeros_loses_the_last_chunk_only(tmp_path):
     data = flushed_bag(tmp_path / "ride", parts=(30, 30, 30))
     path = tmp_path / "ride" / "ride_0.mcap"
     with open(path, "rb") as file:
         starts = [position for position in range(len(data)) if data[position] == 6 and _is_chunk(data, position)]
         assert file
     begin = starts[-1] + 60
-    path.write_bytes(data[:begin] + bytes(hole) + data[begin + hole :])
+    path.write_bytes(data[:begin] + bytes(40) + data[begin + 40 :])
     assert recover_file(path) == 66
     recover_folder(tmp_path / "ride")
     (tmp_path / "ride" / "metadata.yaml").unlink()
@@ -303,11 +276,6 @@ def test_damaged_first_chunk_is_reported_and_file_left_unchanged(tmp_path):
         recover_file(path)
     assert path.read_bytes() == damaged
     assert "first chunk is damaged" in recover_folder(tmp_path / "ride")[0]
-
-
-def test_recovery_of_non_mcap_file_is_rejected(tmp_path):
-    (tmp_path / "ride").mkdir()
-    path = tmp_path / "ride" / "ride_0.mcap"
     path.write_bytes(b"something else entirely")
     with pytest.raises(NotRecoverable, match="does not begin as an MCAP file"):
         recover_file(path)
@@ -472,7 +440,6 @@ def test_a_killed_recorder_loses_nothing_that_was_flushed(tmp_path):
     process = subprocess.Popen(
         [sys.executable, "-c", _RECORD_FOR_EVER, str(tmp_path)], stdout=subprocess.PIPE, text=True, cwd=os.getcwd()
     )
-    assert process.stdout is not None
     try:
         flushed = 0
         while flushed < 200:
@@ -488,15 +455,12 @@ def test_a_killed_recorder_loses_nothing_that_was_flushed(tmp_path):
     assert len(names) >= flushed
 
 
-def test_flush_period_is_below_one_second():
-    assert load(RecorderParams, "recorder").flush_period_s < 1.0
-
-
 # --- parameters ------------------------------------------------------------------------------------------------------
 
 
 def test_the_shipped_parameters_are_valid():
     assert load(RecorderParams, "recorder").max_disk_use < 0.95, "below DISK_FULL of the safety monitor"
+    assert load(RecorderParams, "recorder").flush_period_s < 1.0
 
 
 @pytest.mark.parametrize(
@@ -505,13 +469,9 @@ def test_the_shipped_parameters_are_valid():
         ("systems", ["robot", "wmx"]),
         ("systems", []),
         ("systems", ["moon"]),
-        ("max_disk_use", 1.0),
-        ("flush_period_s", 5.0),
         ("split_size_mb", float("nan")),
         ("name", "../elsewhere"),
         ("name", ".hidden"),
-        ("compression", "lzma"),
-        ("queue_mb", 0.0),
     ],
 )
 def test_parameters_out_of_range_are_refused(name, value):
