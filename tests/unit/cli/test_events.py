@@ -48,6 +48,11 @@ def test_list_and_json(ids: tuple[str, str]) -> None:
     assert (oldest["state"], newest["state"]) == ("complete", "open")
     assert oldest["reasons"] == ["CONTACT", "TILT"]
     assert Path(oldest["path"]) == events_dir() / ids[0]
+    touch_screen = kept_events(events_dir())
+    assert touch_screen["folder"] == str(events_dir())
+    newest, oldest = touch_screen["list"]
+    found = (newest["state"], oldest["state"], oldest["reasons"], oldest["at"])
+    assert found == ("open", "complete", ["CONTACT", "TILT"], round(1e3 * (EPOCH_S + 5.0)))
 
 
 def test_an_empty_list_names_the_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -56,7 +61,7 @@ def test_an_empty_list_names_the_folder(tmp_path: Path, monkeypatch: pytest.Monk
     shown = call("list")
     assert shown.exit_code == 0
     assert "no events in" in shown.output
-    assert json.loads(call("list", "--json").output) == []
+    assert json.loads(call("list", "--json").output) == kept_events(events_dir())["list"] == []
 
 
 def test_show_and_path(ids: tuple[str, str]) -> None:
@@ -68,6 +73,9 @@ def test_show_and_path(ids: tuple[str, str]) -> None:
     assert about["id"] == ids[1]
     assert about["triggers"][0]["reasons"] == ["DRIVE_FAULT"]
     assert call("path", ids[0]).output.strip() == str(events_dir() / ids[0])
+    refused = call("show", "nothing").exception
+    assert isinstance(refused, CommandError)
+    assert refused.code == 2
 
 
 def test_an_exported_event_is_a_recording(ids: tuple[str, str], tmp_path: Path) -> None:
@@ -91,20 +99,3 @@ def test_the_event_under_way_stays(ids: tuple[str, str], tmp_path: Path, verb: t
     refused = call(verb[0], ids[1], verb[1])
     assert "still being recorded" in str(refused.exception)
     assert (events_dir() / ids[1]).exists()
-
-
-def test_an_unknown_event_is_wrong_use(ids: tuple[str, str]) -> None:
-    refused = call("show", "nothing")
-    assert isinstance(refused.exception, CommandError)
-    assert refused.exception.code == 2
-
-
-def test_the_touch_screen_has_the_same_list(ids: tuple[str, str]) -> None:
-    shown = kept_events(events_dir())
-    assert shown["folder"] == str(events_dir())
-    newest, oldest = shown["list"]
-    assert (oldest["at"], oldest["state"], oldest["reasons"]) == (
-        round(1e3 * (EPOCH_S + 5.0)), "complete", ["CONTACT", "TILT"],
-    )  # fmt: skip
-    assert newest["state"] == "open"
-    assert kept_events(events_dir() / "nowhere")["list"] == []

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import subprocess
-import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -18,8 +16,11 @@ from PIL import Image
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Bool
+from typer.testing import CliRunner
 
 from custom_msgs.msg import DockingStatus, MissionStatus
+from robot_stack.cli.app import app
+from robot_stack.cli.errors import exit_code
 from robot_stack.cli.film_recording import read_story
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
@@ -107,9 +108,11 @@ def ride(*, truth: bool) -> list[Item]:
     ]
 
 
-def film(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "robot_stack.cli", "film", *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+def film(*arguments: object) -> tuple[int, str]:
+    """(exit code of the command line, output or error)"""
+    done = CliRunner().invoke(app, ["film", *map(str, arguments)])
+    code = None if done.exception is None else exit_code(done.exception)
+    return (done.exit_code, done.output) if code is None else (code, str(done.exception))
 
 
 def quiet(_done: int, _total: int) -> None:
@@ -149,10 +152,10 @@ def test_story_of_real_ride_is_built_from_estimates(tmp_path: Path) -> None:
 @pytest.mark.parametrize("truth", [True, False])
 def test_a_film_shows_a_robot_that_moves(tmp_path: Path, truth: bool) -> None:
     recording = write(tmp_path / "ride", ride(truth=truth))
-    done = film(recording, "--seconds", 2, "--width", 320)
-    assert done.returncode == 0, done.stderr
+    code, shown = film(recording, "--seconds", 2, "--width", 320)
+    assert code == 0, shown
     path = recording / "film.gif"
-    assert str(path) in done.stdout
+    assert str(path) in shown.replace("\n", "")
     with Image.open(path) as gif:
         assert (gif.n_frames, gif.size[0]) == (20, 320)
         assert gif.info["duration"] == 100
@@ -167,8 +170,8 @@ def test_a_film_shows_a_robot_that_moves(tmp_path: Path, truth: bool) -> None:
 def test_mp4_is_read_by_others(tmp_path: Path) -> None:
     recording = write(tmp_path / "ride", ride(truth=True))
     path = tmp_path / "out" / "ride.mp4"
-    done = film(recording, "--seconds", 1, "-o", path, "--map", "")
-    assert done.returncode == 0, done.stderr
+    code, shown = film(recording, "--seconds", 1, "-o", path, "--map", "")
+    assert code == 0, shown
     video = cv2.VideoCapture(str(path))
     assert video.get(cv2.CAP_PROP_FRAME_COUNT) == 10
     seen, picture = video.read()
@@ -180,22 +183,23 @@ def test_a_damaged_recording_is_shown_as_far_as_it_goes(tmp_path: Path) -> None:
     recording = write(tmp_path / "ride", ride(truth=True))
     file = recording / "ride_0.mcap"
     file.write_bytes(file.read_bytes()[: int(0.7 * file.stat().st_size)])
-    done = film(recording, "--seconds", 1, "--width", 200, "--map", "")
-    assert done.returncode == 0, done.stderr
-    assert "is cut off or damaged" in done.stderr
+    code, shown = film(recording, "--seconds", 1, "--width", 200, "--map", "")
+    assert code == 0, shown
+    assert "is cut off or damaged" in shown
     assert (recording / "film.gif").is_file()
 
 
-def test_film_of_recording_without_ride_reports_error(tmp_path: Path) -> None:
-    recording = write(tmp_path / "ride", [(0.0, topics.PASSENGER_ATTACHED, Bool(data=False))])
-    done = film(recording)
-    assert (done.returncode, "contains no ride" in done.stderr) == (2, True)
-
-
-def test_film_with_invalid_arguments_reports_error(tmp_path: Path) -> None:
-    assert film(tmp_path).returncode == 2
-    done = film(tmp_path, "-o", tmp_path / "film.avi")
-    assert (done.returncode, "a film ends in .gif or .mp4" in done.stderr) == (2, True)
-    recording = write(tmp_path / "ride", ride(truth=True))
-    done = film(recording, "--map", "nowhere")
-    assert (done.returncode, "no map 'nowhere'" in done.stderr) == (2, True)
+@pytest.mark.parametrize(
+    ("items", "arguments", "why"),
+    [
+        ([], (), ""),
+        ([(0.0, topics.PASSENGER_ATTACHED, Bool(data=False))], (), "contains no ride"),
+        (ride(truth=True), ("--map", "nowhere"), "no map 'nowhere'"),
+        (ride(truth=True), ("-o", "film.avi"), "a film ends in .gif or .mp4"),
+    ],
+    ids=["no recording", "no ride", "no map", "no film"],
+)
+def test_what_makes_no_film_is_wrong_use(tmp_path: Path, items: list[Item], arguments: tuple[str], why: str) -> None:
+    recording = write(tmp_path / "ride", items) if items else tmp_path
+    code, error = film(recording, *arguments)
+    assert (code, why in error) == (2, True), error

@@ -232,41 +232,36 @@ def test_the_file_of_zones_in_force_is_named_and_whether_it_can_be_written(confi
     assert f"{own} cannot be written" in finding().what
 
 
-def test_what_needs_a_running_stack_is_not_called_good_without_one(config: Path, ros_domain: int) -> None:
-    found = examine(robot_checks.robot_checks())
-    for check in ("engine", "sensors", "inertial unit", "external display"):
-        assert levels(found, check) == [Level.NOTE], check
-        assert "robot-stack up" in next(item.advice for item in found if item.check == check)
-    assert not [item for item in found if "the check failed" in item.what]
-
-
 def test_a_driver_that_was_not_started_is_named() -> None:
     (found,) = robot_checks.driver_findings({"xsens_driver", "pylontech_driver"}, {"xsens_driver"})
     assert (found.level, found.what) == (Level.BAD, "pylontech_driver was not started")
 
 
-def test_another_profile_or_anothers_service_is_no_robot(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, ros_domain: int
+@pytest.mark.parametrize(
+    ("runs", "level", "words"),
+    [("", Level.NOTE, "robot-stack up"), ("service", Level.BAD, ""), ("sim", Level.BAD, "profile sim runs")],
+    ids=["no stack", "another's service", "another profile"],
+)
+def test_what_needs_the_running_robot_is_not_called_good_without_it(
+    config: Path, monkeypatch: pytest.MonkeyPatch, ros_domain: int, runs: str, level: Level, words: str
 ) -> None:
-    monkeypatch.setattr(robot_checks, "SERVICE_FOLDER", tmp_path)
+    if runs == "service":
+        monkeypatch.setattr(robot_checks, "SERVICE_FOLDER", config)
+    elif runs:
+        monkeypatch.setattr(robot_checks, "running_plan", lambda: load_plan("sim"))
     found = examine(robot_checks.robot_checks())
     for check in ("engine", "sensors", "inertial unit", "external display"):
-        assert levels(found, check) == [Level.BAD], check
-    monkeypatch.setattr(robot_checks, "running_plan", lambda: load_plan("sim"))
-    found = examine(robot_checks.robot_checks())
-    for check in ("engine", "sensors", "inertial unit", "external display"):
-        assert levels(found, check) == [Level.BAD], check
-        assert "profile sim runs" in next(item.what for item in found if item.check == check)
+        assert levels(found, check) == [level], check
+        assert words in "".join(item.what + item.advice for item in found if item.check == check)
+    assert not [item for item in found if "the check failed" in item.what]
 
 
 def test_an_engine_that_does_not_run_is_not_started(tmp_path: Path) -> None:
     client = load_client_config("simulated").model_copy(update={"path": str(tmp_path)})
     absent = robot_checks.engine_absent(client)
-    assert absent is not None
     assert (absent.level, absent.what.split()[1]) == (Level.BAD, "StatusChannelNull")
     config = load_engine_config()
     motors = Engine(config, VirtualDrives(config.n_axes, config.cycle_time_s))
     StatusWriter(motors, tmp_path).publish(time.monotonic_ns())
     idle = robot_checks.engine_absent(client.model_copy(update={"status_stale_s": 60.0}))
-    assert idle is not None
     assert idle.what == "it does not run"

@@ -14,7 +14,7 @@ from robot_stack.cli.topics_table import topics_table
 from robot_stack.contract import processes, topics
 from robot_stack.contract.graph import expected
 from robot_stack.contract.model import System, Topic
-from robot_stack.system_monitor.topic_check import Endpoint, Finding, Seen, Traffic, Verdict, judge_all, rows_of
+from robot_stack.system_monitor.topic_check import Endpoint, Finding, Seen, Traffic, judge_all, rows_of
 
 MACHINES = (System.ROBOT, System.WMX)
 
@@ -61,17 +61,9 @@ def test_all_topics_fit_and_none_is_cut(machine: System, wrong: bool) -> None:
     assert ("differ from the contract" in text) == wrong
 
 
-@pytest.mark.parametrize("machine", MACHINES)
-def test_a_topic_as_in_the_contract_takes_one_line(machine: System) -> None:
-    findings = [finding for finding in everything(machine) if len(finding.seen.publishers) != 2]
-    assert {finding.verdict for finding in findings} <= {Verdict.OK, Verdict.NOT_RUN}
-    assert len(lines(topics_table("sim", findings, []))) == len(findings) + 6
-
-
-@pytest.mark.parametrize("width", [60, 80])
-def test_a_narrow_terminal_loses_nothing(width: int) -> None:
-    shown = lines(topics_table("sim", everything(System.ROBOT), []), width)
-    assert max(map(len, shown)) <= width
+def test_a_narrow_terminal_loses_nothing() -> None:
+    shown = lines(topics_table("sim", everything(System.ROBOT), []), 60)
+    assert max(map(len, shown)) <= 60
     assert "…" not in "".join(shown)
 
 
@@ -102,7 +94,3 @@ def test_status_fits_with_reasons_of_any_length() -> None:
     for row in processes.PROCESSES:
         assert any(line.startswith(f" {row.name} ") and "restarting" in line for line in shown)
     assert "EMERGENCY_STOP: DRIVE_FAULT, TILT" in text
-
-
-def test_status_of_a_stack_without_trouble_is_a_line_per_process() -> None:
-    assert len(lines(StatusView().shown(status_of_all()))) == len(processes.PROCESSES) + 10
