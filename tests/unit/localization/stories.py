@@ -74,7 +74,6 @@ class Story:
 
     def yaw_error_rad(self) -> float:
         pose = self.localizer.estimate(self.t_s).pose
-        assert pose is not None
         return abs(math.remainder(pose.yaw - self.truth.yaw, 2.0 * math.pi))
 
 

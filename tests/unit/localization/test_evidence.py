@@ -37,10 +37,6 @@ def problem(match: Match) -> str:
     return problem_of(match, HERE, 0.01, 0.001, params().ndt.gate)
 
 
-def test_low_score_match_is_accepted_with_sufficient_evidence() -> None:
-    assert problem(found(0.3)) == ""
-
-
 @pytest.mark.parametrize(
     ("changed", "word"),
     [
@@ -50,11 +46,11 @@ def test_low_score_match_is_accepted_with_sufficient_evidence() -> None:
         ({"residual": 2.0}, "variances"),
         ({"contrast": math.nan}, "neighbouring"),
         ({"agreement": math.nan}, "mapped space"),
-        ({"pierced": math.nan}, "pass through"),
         ({"residual": math.nan}, "variances"),
     ],
 )
 def test_missing_evidence_is_reported_by_criterion(changed: dict[str, float], word: str) -> None:
+    assert problem(found(0.3)) == ""
     assert word in problem(found(0.3, **changed))
 
 
@@ -122,12 +118,10 @@ def test_too_few_points_weigh_nothing() -> None:
 def test_solver_computes_contrast_only_below_sure_score() -> None:
     request = MatchRequest(0.0, sweep_from(HERE), np.zeros((1, 4)), pose_of(HERE, 0.0, UP), UP, 0.2, None, IDENTITY, 0)
     sure = solver().solve(request).match
-    assert sure is not None
     assert sure.score > params().ndt.gate.sure_score
     assert math.isnan(sure.contrast)
     holes = without(cells(), 0.4, True, params().ndt, np.random.default_rng(4))
     open_question = SweepSolver(holes, params().ndt, LIDAR).solve(request).match
-    assert open_question is not None
     assert open_question.score < params().ndt.gate.sure_score
     assert math.isfinite(open_question.contrast)
 
@@ -196,7 +190,6 @@ def test_street_localization_converges_to_tracking() -> None:
     car = Car(site, site.truth.compose(Pose2(0.25, -0.2, 0.02))).stand(15)
     assert car.localizer.confidence is Confidence.TRACKING
     pose = car.localizer.estimate(car.t_s).pose
-    assert pose is not None
     assert pose.distance_to(site.truth) < 0.03
     assert car.quality > 0.5
 
@@ -208,5 +201,4 @@ def test_street_localization_rejects_wrong_initial_pose() -> None:
     for _ in range(12):
         car.stand(1)
         pose = car.localizer.estimate(car.t_s).pose
-        assert pose is not None
         assert car.quality < 0.3 or pose.distance_to(site.truth) < 0.05

@@ -26,7 +26,6 @@ def test_constant_rate() -> None:
         gyro.add(sample(i * 0.01, 0.5))
     assert gyro.take(0.0) is None  # the first call only sets the start
     increment = gyro.take(0.1)
-    assert increment is not None
     assert increment.angle_rad == pytest.approx(0.05)
     # Noise of 0.003 rad/s per sample of 10 ms over 0.1 s: 0.003^2 * 0.01 * 0.1.
     assert increment.variance_rad2 == pytest.approx(9e-9)
@@ -39,7 +38,6 @@ def test_a_sample_is_the_mean_since_the_one_before() -> None:
     gyro.add(sample(0.02, 3.0))
     gyro.take(0.005)
     increment = gyro.take(0.015)
-    assert increment is not None
     assert increment.angle_rad == pytest.approx(1.0 * 0.005 + 3.0 * 0.005)
 
 
@@ -52,8 +50,6 @@ def test_a_held_rate_is_made_good_by_the_next_increment() -> None:
     gyro.add(sample(0.02, 3.0))
     gyro.add(sample(0.03, 3.0))
     second = gyro.take(0.03)
-    assert first is not None
-    assert second is not None
     assert first.angle_rad == pytest.approx(0.01 + 0.01)
     # The same total as with the third sample in time: (1 + 3 + 3) * 0.01.
     assert first.angle_rad + second.angle_rad == pytest.approx(0.07)
@@ -69,8 +65,9 @@ def test_gyro_gap_returns_none_then_resumes() -> None:
     gyro.add(sample(0.31, 1.0))
     assert gyro.take(0.3) is None
     increment = gyro.take(0.31)
-    assert increment is not None
     assert increment.angle_rad == pytest.approx(0.01)
+    gyro.add(sample(0.81, 1.0))
+    assert gyro.take(0.81) is None  # across a gap of the samples
 
 
 def test_lost_samples_cost_certainty() -> None:
@@ -79,18 +76,9 @@ def test_lost_samples_cost_certainty() -> None:
     gyro.add(sample(0.06, 0.5))
     gyro.take(0.0)
     increment = gyro.take(0.06)
-    assert increment is not None
     assert increment.angle_rad == pytest.approx(0.03)
     # Samples of 60 ms less one and a half periods are missing: 1 rad/s2 over 45 ms turns 0.5 * 0.045^2 rad.
     assert increment.variance_rad2 == pytest.approx((0.5 * 0.045**2) ** 2 + 0.003**2 * 0.01 * 0.06)
-
-
-def test_no_increment_across_a_gap() -> None:
-    gyro = integrator()
-    gyro.add(sample(0.0, 1.0))
-    gyro.take(0.0)
-    gyro.add(sample(0.5, 1.0))
-    assert gyro.take(0.5) is None
 
 
 def test_equal_samples_are_a_frozen_sensor() -> None:
@@ -116,7 +104,6 @@ def test_one_late_sample_is_dropped_but_a_clock_set_back_is_followed() -> None:
         gyro.add(sample(1.0 + 0.01 * i, 0.2))
     gyro.take(1.15)
     increment = gyro.take(1.19)
-    assert increment is not None
     assert increment.angle_rad == pytest.approx(0.2 * 0.04)
 
 
@@ -126,13 +113,10 @@ def test_gyro_noise_is_estimated_from_second_differences() -> None:
         gyro.add(sample(0.01 * i, 0.2 if i % 2 else -0.2))
     # Second differences of +-0.8 rad/s: sqrt(0.64 / 6) = 0.327 rad/s.
     assert gyro.noise_radps == pytest.approx(0.327, rel=0.02)
-
-
-def test_fast_smooth_turn_does_not_raise_gyro_noise() -> None:
     gyro = integrator()
     for i in range(300):
         gyro.add(sample(0.01 * i, math.sin(0.01 * i * 4.0)))
-    assert gyro.noise_radps == pytest.approx(0.003)
+    assert gyro.noise_radps == pytest.approx(0.003), "a fast, but smooth turn"
 
 
 @given(st.lists(st.floats(-5.0, 5.0), min_size=20, max_size=60), st.data())

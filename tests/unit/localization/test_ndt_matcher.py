@@ -60,7 +60,7 @@ def test_mixture_has_the_height_and_width_of_the_normal_distribution_with_outlie
         assert d1 * math.exp(-0.5 * d2 * m2) == pytest.approx(exact, rel=1e-9)
 
 
-@pytest.mark.parametrize("off", [Pose2(0.1, -0.1, 0.02), Pose2(1.0, 0.6, 0.17), Pose2(-0.8, 1.2, -0.2)])
+@pytest.mark.parametrize("off", [Pose2(1.0, 0.6, 0.17), Pose2(-0.8, 1.2, -0.2)])
 def test_the_pose_is_found_again(off: Pose2) -> None:
     truth = pose_of(TRUTH, 0.02, UP)
     points = seen_from(truth, surfaces(8.0, seed=7))

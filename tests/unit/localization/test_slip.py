@@ -36,7 +36,6 @@ def run(seconds: float, seen_mps: float, odometry_mps: float, sigma_m: float = 0
 
 def test_spinning_wheels_are_detected_within_two_sweeps() -> None:
     slip = run(0.2, seen_mps=0.0, odometry_mps=1.0)
-    assert slip is not None
     assert (slip.stamp_s, slip.over_s) == pytest.approx((100.2, 0.2))
     assert (slip.seen_m, slip.odometry_m, slip.rate_mps) == pytest.approx((0.0, 0.2, 1.0))
     assert str(slip) == "0.20 m by the wheels, 0.00 m by the map in 0.2 s"
@@ -44,7 +43,6 @@ def test_spinning_wheels_are_detected_within_two_sweeps() -> None:
 
 def test_sliding_with_wheels_at_rest_is_detected() -> None:
     slip = run(1.0, seen_mps=0.15, odometry_mps=0.0)
-    assert slip is not None
     assert slip.seen_m == pytest.approx(0.15)
 
 
@@ -52,6 +50,7 @@ def test_equal_distances_are_not_detected_as_slip() -> None:
     for speed_mps in (0.0, 0.3, 1.5):
         assert run(3.0, speed_mps, speed_mps) is None
     assert run(3.0, seen_mps=1.5, odometry_mps=1.5 * 1.01) is None  # wrong wheel radii
+    assert run(1.0, seen_mps=0.0, odometry_mps=0.5, sigma_m=0.2) is None  # of an unsure match
 
 
 def test_match_noise_is_not_detected_as_slip() -> None:
@@ -63,23 +62,14 @@ def test_match_noise_is_not_detected_as_slip() -> None:
     assert sum(slip is not None for slip in told) <= 2  # of 2,000 at more than five standard deviations
 
 
-def test_match_with_large_sigma_detects_no_slip() -> None:
-    assert run(1.0, seen_mps=0.0, odometry_mps=0.5, sigma_m=0.2) is None
-
-
 def test_slip_window_excludes_older_motion() -> None:
     """A past slip is no longer reported, and motion before a gap does not count after it."""
     witness = SlipWitness(SLIP)
     assert witness.see(0.0, match_at(0.0), IDENTITY) is None
     assert witness.see(0.5, match_at(0.0), Pose2(0.5, 0.0, 0.0)) is not None
     assert witness.see(0.5 + 1.1 * SLIP.window_s, match_at(0.0), Pose2(9.0, 0.0, 0.0)) is None
-
-
-def test_cleared_slip_window_ignores_previous_pose() -> None:
-    witness = SlipWitness(SLIP)
-    witness.see(0.0, match_at(0.0), IDENTITY)
     witness.clear()
-    assert witness.see(0.1, match_at(5.0), IDENTITY) is None
+    assert witness.see(0.6 + 1.1 * SLIP.window_s, match_at(5.0), Pose2(9.0, 0.0, 0.0)) is None
 
 
 def test_dead_reckoning_is_the_farther_off_the_longer_ago_the_match() -> None:
@@ -95,5 +85,4 @@ def test_slip_rate_is_not_averaged_over_time_before_slip() -> None:
     for k in range(10):
         assert witness.see(k * PERIOD_S, match_at(0.0), IDENTITY) is None
     slip = witness.see(10 * PERIOD_S, match_at(0.0), Pose2(0.1, 0.0, 0.0))
-    assert slip is not None
     assert slip.rate_mps == pytest.approx(1.0)
