@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import random
-import shutil
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -15,8 +14,8 @@ from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
 
 from tests import skips
-from tests.support.domains import held_domain
-from tests.support.processes import NodeProcess, node_command
+from tests.support.environment import stack_environment
+from tests.support.processes import Start, started_processes
 
 # Every run is identical, because a random failure would only be repeated until it passes. Only launch_scripts/explore
 # searches for new counterexamples: it selects its profile and a seed, and stores nothing for the next run. A slow
@@ -68,42 +67,47 @@ def own_data(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 
 
 @pytest.fixture
-def ros_domain(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[int]:
+def ros_domain(tmp_path: Path) -> Iterator[int]:
     """A separate ROS domain and runtime folder for this test, in the environment of its processes."""
-    from robot_stack.ros import transport
-
-    with held_domain() as domain:
-        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "ros_log"))
-        monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-        monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
-        runtime = Path(f"/dev/shm/robot_stack_test-{domain}")
-        shutil.rmtree(runtime, ignore_errors=True)
-        monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(runtime))
-        transport.apply(bulk=True)
+    with stack_environment(tmp_path) as domain:
         yield domain
-        shutil.rmtree(runtime, ignore_errors=True)
 
 
 @pytest.fixture
-def start(ros_domain: int, tmp_path: Path) -> Iterator[Callable[..., NodeProcess]]:
-    """``start(name, *ros_args)`` starts a contract process, ``start(command=[...])`` any; the test's end stops them
-    all."""
-    started: list[NodeProcess] = []
-
-    def start_process(name: str = "process", *ros_args: str, command: list[str] | None = None) -> NodeProcess:
-        log = tmp_path / f"{len(started)}-{name}.log"
-        started.append(NodeProcess(command or node_command(name, *ros_args), log))
-        return started[-1]
-
-    yield start_process
-    for process in reversed(started):
-        process.stop()
+def start(ros_domain: int, tmp_path: Path) -> Iterator[Start]:
+    """See ``started_processes``."""
+    with started_processes(tmp_path) as start:
+        yield start
 
 
 @pytest.fixture
 def peer(ros_domain: int) -> Iterator["Peer"]:  # noqa: F821, UP037 - imported late: rclpy reads the environment
+    from tests.support.peer import Peer
+
+    peer = Peer()
+    yield peer
+    peer.close()
+
+
+# The same for all tests of a module that share their nodes. ``shared_folder`` contains state, data and logs.
+
+
+@pytest.fixture(scope="module")
+def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A ROS domain and runtime folder in the environment of the module's processes."""
+    folder = tmp_path_factory.mktemp("shared")
+    with stack_environment(folder):
+        yield folder
+
+
+@pytest.fixture(scope="module")
+def shared_start(shared_folder: Path) -> Iterator[Start]:
+    with started_processes(shared_folder) as start:
+        yield start
+
+
+@pytest.fixture(scope="module")
+def shared_peer(shared_folder: Path) -> Iterator["Peer"]:  # noqa: F821, UP037
     from tests.support.peer import Peer
 
     peer = Peer()

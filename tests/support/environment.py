@@ -1,4 +1,4 @@
-"""The environment of a stack that several tests share: a separate ROS domain, runtime folder and state folder."""
+"""The environment of a test's processes: a separate ROS domain, runtime folder and state folder."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ def own_config(folder: Path, **missions: str) -> Iterator[Path]:
 
 
 @contextmanager
-def stack_environment(folder: Path) -> Iterator[None]:
-    """Active within the context. ``folder`` contains logs and state."""
+def stack_environment(folder: Path) -> Iterator[int]:
+    """Yields the ROS domain; active within the context. ``folder`` contains logs and state."""
     with held_domain() as domain, pytest.MonkeyPatch.context() as monkeypatch:
         runtime = Path(f"/dev/shm/robot_stack_test-{domain}")
         shutil.rmtree(runtime, ignore_errors=True)
@@ -39,5 +39,5 @@ def stack_environment(folder: Path) -> Iterator[None]:
         from robot_stack.ros import transport
 
         transport.apply(bulk=True)
-        yield
+        yield domain
         shutil.rmtree(runtime, ignore_errors=True)

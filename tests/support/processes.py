@@ -7,6 +7,8 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from tests.support.forks import Forked
@@ -71,3 +73,24 @@ def _fresh(command: list[str], log: Path, preload: Path) -> subprocess.Popen[byt
 def node_command(name: str, *ros_args: str) -> list[str]:
     """The command of a contract process; ``ros_args`` follow --ros-args."""
     return [sys.executable, "-m", "robot_stack.ros.main", name, *(("--ros-args", *ros_args) if ros_args else ())]
+
+
+Start = Callable[..., NodeProcess]
+
+
+@contextmanager
+def started_processes(folder: Path) -> Iterator[Start]:
+    """``start(name, *ros_args)`` starts a contract process, ``start(command=[...])`` any; the end stops them all.
+
+    folder: for their output.
+    """
+    started: list[NodeProcess] = []
+
+    def start(name: str = "process", *ros_args: str, command: list[str] | None = None) -> NodeProcess:
+        log = folder / f"{len(started)}-{name}.log"
+        started.append(NodeProcess(command or node_command(name, *ros_args), log))
+        return started[-1]
+
+    yield start
+    for process in reversed(started):
+        process.stop()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -58,8 +59,22 @@ class StandInRobot:
 
     def __init__(self, peer: Peer) -> None:
         self.peer = peer
+        peer.listen(topics.EMERGENCY_STOP, self._on_stop)
+        peer.listen(topics.UI_COMMAND, self._on_command)
+        peer.listen(topics.UI_LANGUAGE, lambda message: self.languages.append(message.data))
+        peer.listen(topics.GOAL_POSE, lambda message: self.goals.append(message))
+        peer.listen(topics.INITIAL_POSE, self._on_pose)
+        peer.listen(topics.TELEOP_CMD_VEL, lambda message: self.twists.append(message))
+        peer.serve(services.SAFETY_RESET, self._on_reset)
+        peer.serve(services.CLEAR_EMERGENCY_STOP, self._on_clear)
+        peer.serve(services.EDIT_MISSION_QUEUE, self._on_edit)
+        self.screen_pressed = False
+        self.reset()
+
+    def reset(self) -> None:
+        """As at the start, without anything received; a press of the screen remains."""
         self.faults: list[str] = []
-        self.emergency = self.pressed = self._screen_pressed = False
+        self.emergency = self.pressed = False
         self.stop_sources: dict[str, Presence] = {}
         self.ride = MissionStatus(state="IDLE", eta_s=math.nan)
         self.docking = DockingStatus(state="IDLE", position_error=math.nan, orientation_error=math.nan)
@@ -70,15 +85,6 @@ class StandInRobot:
         self.goals: list[PoseStamped] = []
         self.poses: list[Any] = []
         self.twists: list[TwistStamped] = []
-        peer.listen(topics.EMERGENCY_STOP, self._on_stop)
-        peer.listen(topics.UI_COMMAND, self._on_command)
-        peer.listen(topics.UI_LANGUAGE, lambda message: self.languages.append(message.data))
-        peer.listen(topics.GOAL_POSE, self._on_goal)
-        peer.listen(topics.INITIAL_POSE, self._on_pose)
-        peer.listen(topics.TELEOP_CMD_VEL, self.twists.append)
-        peer.serve(services.SAFETY_RESET, self._on_reset)
-        peer.serve(services.CLEAR_EMERGENCY_STOP, self._on_clear)
-        peer.serve(services.EDIT_MISSION_QUEUE, self._on_edit)
         self.queue = MissionQueue(held_by=MissionQueue.RESTART, reason="queue held: the mission manager was restarted")
         for row, make, rate_hz in (
             (topics.SAFETY_STATUS, self._safety, 10.0),
@@ -89,20 +95,20 @@ class StandInRobot:
             (topics.LOCALIZATION_QUALITY, lambda: Float32(data=0.93), 10.0),
             (topics.CMD_VEL_LIMITED, self._speed, 10.0),
             (topics.BATTERY_STATE, lambda: BatteryState(percentage=0.82), 2.0),
-            (topics.DIAGNOSTICS, self._diagnostics, 1.0),
+            (topics.DIAGNOSTICS, self._diagnostics, 5.0),
             (topics.LOCAL_COSTMAP, self._costmap, 5.0),
             (topics.OBSTACLES, _obstacles, 10.0),
             (topics.NAVIGATION_PEOPLE, self._people, 5.0),
             (topics.EHMI_STATUS, lambda: self.display, 5.0),
-            (topics.FRONT_IMAGE, _picture(), 5.0),
+            (topics.FRONT_IMAGE, _picture, 5.0),
             (topics.ARUCO_DETECTIONS, _markers, 5.0),
         ):
-            peer.repeat(row, make, rate_hz)
+            self.peer.repeat(row, make, rate_hz)
         self.say_ride()
-        peer.publish(topics.MISSION_QUEUE, self.queue)
+        self.peer.publish(topics.MISSION_QUEUE, self.queue)
         self.say_limit(1.5)
         self._say_plan()
-        peer.publish(topics.NAVIGATION_STATUS, String(data="no goal"))
+        self.peer.publish(topics.NAVIGATION_STATUS, String(data="no goal"))
 
     # --- messages to the screen ---------------------------------------------------------------------------------------
 
@@ -190,13 +196,13 @@ class StandInRobot:
 
     def _on_stop(self, message: Any) -> None:
         self.commands.append(f"stop {message.data}")
-        self._screen_pressed = message.data
+        self.screen_pressed = message.data
         self.emergency |= message.data
         if message.data and self.ride.state == "RUNNING":
             self.say_ride(state="PAUSED", reason="emergency stop")
 
     def _on_reset(self, _: Any, response: Any) -> Any:
-        if self.pressed or self._screen_pressed:
+        if self.pressed or self.screen_pressed:
             response.message = "refused: stop button pressed"
             return response
         self.emergency = False
@@ -241,9 +247,6 @@ class StandInRobot:
             changes |= {"total_waypoints": 11, "waypoints_completed": 4, "progress": 0.38}
         self.say_ride(last_command=message.command_type, last_command_accepted=True, **changes)
 
-    def _on_goal(self, message: PoseStamped) -> None:
-        self.goals.append(message)
-
     def _on_pose(self, message: Any) -> None:
         self.poses.append(message)
         self.x, self.y = message.pose.pose.position.x, message.pose.pose.position.y
@@ -261,16 +264,16 @@ def _obstacles() -> Any:
     return cloud_message(points, "base_link")
 
 
-def _picture() -> Any:
-    """A camera image with the markers of a dock, computed once."""
+@functools.cache
+def _picture() -> Image:
+    """A camera image with the markers of a dock."""
     grey = np.full((720, 1280), 150, np.uint8)
     grey[430:] = 110
     dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     for number, (x, y) in enumerate(((390, 220), (750, 220), (390, 400), (750, 400))):
         grey[y - 20 : y + 150, x - 20 : x + 150] = 255
         grey[y : y + 130, x : x + 130] = cv2.aruco.generateImageMarker(dictionary, number, 130)
-    message = Image(height=720, width=1280, step=1280, encoding="mono8", data=grey.tobytes())
-    return lambda: message
+    return Image(height=720, width=1280, step=1280, encoding="mono8", data=grey.tobytes())
 
 
 def _markers() -> ArucoDetectionArray:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import pytest
 
 from robot_stack.ui.pin import hash_pin
-from tests.support.processes import NodeProcess
-from tests.support.ui_page import PIN
+from tests.support.processes import NodeProcess, Start
+from tests.support.ui_page import PIN, web_page
 from tests.support.ui_robot import StandInRobot
 from tests.support.waiting import wait_for
 
@@ -51,25 +51,45 @@ def browser() -> Iterator[Any]:
         browser.close()
 
 
-@pytest.fixture
-def screen(start: Callable[..., NodeProcess], browser: Any) -> NodeProcess:
-    """The node; ``url`` is the address of its page."""
+@pytest.fixture(scope="module")
+def screen(shared_start: Start, browser: Any) -> NodeProcess:
+    """The node."""
     pin = f"access.pin_hash:='{hash_pin(PIN)}'"
-    process = start("touch_ui", "-p", "server.port:=0", "-p", pin)
+    process = shared_start("touch_ui", "-p", "server.port:=0", "-p", pin)
     process.wait_output("serving http")
     return process
 
 
-@pytest.fixture
-def robot(peer: Peer, screen: NodeProcess) -> StandInRobot:
-    return StandInRobot(peer)
-
-
-@pytest.fixture
+@pytest.fixture(scope="module")
 def url(screen: NodeProcess) -> str:
+    """The address of the node's page."""
     found = re.search(r"serving (http://\S+)", screen.output())
     assert found is not None
     return found[1]
+
+
+@pytest.fixture(scope="module")
+def stand_in(shared_peer: Peer, screen: NodeProcess) -> StandInRobot:
+    return StandInRobot(shared_peer)
+
+
+@pytest.fixture
+def robot(stand_in: StandInRobot, url: str) -> StandInRobot:
+    """A robot at rest that has received nothing; the screen shows it and is not pressed."""
+    pressed = stand_in.screen_pressed
+    stand_in.reset()
+    with web_page(int(url.split(":")[2].split("/")[0])) as page:
+        if pressed:
+            assert page.log_in().ask("reset")["ok"]
+            wait_for(lambda: "stop False" in stand_in.commands, "the release")
+            stand_in.commands.clear()
+        wait_for(lambda: _at_rest(page.state), "the screen to show the robot at rest")
+    return stand_in
+
+
+def _at_rest(state: dict[str, Any]) -> bool:
+    safety, ride, queue = (state.get(name, {}) for name in ("safety", "ride", "queue"))
+    return (safety.get("state"), ride.get("state")) == ("NORMAL", "IDLE") and not queue.get("orders")
 
 
 @pytest.fixture

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,17 +17,21 @@ from tests.ui.conftest import unlock, until
 
 
 @pytest.fixture
-def own(tmp_path: Path) -> Path:
-    """The folder of missions made on the touch screen."""
-    return tmp_path / "data" / "robot_stack" / "missions"
+def own(shared_folder: Path) -> Iterator[Path]:
+    """The folder of missions made on the touch screen, empty."""
+    folder = shared_folder / "data" / "robot_stack" / "missions"
+    yield folder
+    for file in folder.glob("*"):
+        file.unlink()
 
 
 @pytest.fixture
-def editor(page: Any) -> Any:
-    """The staff's page of missions."""
+def editor(page: Any, own: Path) -> Any:
+    """The staff's page of missions, without any of their own."""
     unlock(page)
     page.click('[data-nav="missions"]')
     page.wait_for_selector('[data-file="site_ride"]')
+    page.wait_for_selector('[data-act="delete"]', state="detached")
     return page
 
 

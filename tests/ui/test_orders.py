@@ -70,7 +70,7 @@ def test_a_ride_s_destination_is_changed_and_a_refusal_is_shown(page: Any, robot
     assert f"queue {REPLACE} yard_tour" in robot.commands
 
 
-def test_one_touch_of_a_rider_starts_the_waiting_orders(page: Any, robot: StandInRobot) -> None:
+def test_a_rider_starts_the_waiting_orders_and_cannot_end_a_hold_of_the_staff(page: Any, robot: StandInRobot) -> None:
     unlock(page)
     page.click('[data-nav="missions"]')
     order(page, "site_ride")
@@ -81,15 +81,8 @@ def test_one_touch_of_a_rider_starts_the_waiting_orders(page: Any, robot: StandI
     page.click("#release")
     wait_for(lambda: f"queue {RELEASE}" in robot.commands, f"the release, received {robot.commands}")
     page.wait_for_selector("[data-held]", state="detached")
-
-
-def test_a_rider_sees_a_hold_of_the_staff_and_cannot_end_it(page: Any) -> None:
-    unlock(page)
+    page.click("#to-staff")
     page.click('[data-nav="missions"]')
-    order(page, "site_ride")
-    until(page, "document.querySelectorAll('#queue [data-order]').length === 1")
-    page.click("#release")
-    page.wait_for_selector('#queue[data-held="NOTHING"]')
     page.click("#hold")
     page.wait_for_selector('#queue[data-held="STAFF"]')
     page.click("#to-staff")

@@ -43,19 +43,15 @@ def test_a_ride_from_the_first_touch_to_the_end(page: Any, robot: StandInRobot) 
     page.click("#abort")
     page.click(".sure .primary")  # declines and continues
     assert "ABORT" not in robot.commands
-    robot.say_ride(state="COMPLETED", progress=1.0)
-    page.wait_for_selector('[data-end="COMPLETED"]')
-
-
-def test_ending_ride_requires_confirmation(page: Any, robot: StandInRobot) -> None:
-    robot.say_ride(state="RUNNING", mission_id="yard_tour", current_waypoint="gate")
     page.click("#abort")
     page.click("#abort-yes")
     wait_command(robot, "ABORT")
     page.wait_for_selector('[data-end="ABORTED"]')
+    robot.say_ride(state="COMPLETED", progress=1.0)
+    page.wait_for_selector('[data-end="COMPLETED"]')
 
 
-def test_languages_change_at_once_and_stay(page: Any, robot: StandInRobot, url: str) -> None:
+def test_language_and_settings_change_at_once_and_stay_on_this_screen(page: Any, robot: StandInRobot, url: str) -> None:
     for code, said, wanted in (
         ("ja", "どちらへ行きますか？", "Noto Sans JP"),
         ("zh-Hans", "您想去哪里？", "Noto Sans SC"),
@@ -75,6 +71,16 @@ def test_languages_change_at_once_and_stay(page: Any, robot: StandInRobot, url: 
             return [family for family in page.evaluate(script) if wanted in family]
 
         wait_for(drawn_with, f"{wanted}, served by the node and not found on this machine")
+
+    unlock(page)
+    page.click('[data-nav="settings"]')
+    page.click('[data-choice="text-large"]')
+    page.click('[data-choice="hand-left"]')
+    assert page.locator("#stop").bounding_box()["x"] < 300
+    page.goto(url)
+    page.wait_for_selector("[data-mission]")
+    assert page.locator("#stop").bounding_box()["x"] < 300
+    assert page.evaluate("getComputedStyle(document.documentElement).fontSize") == "21px"
 
 
 def test_the_stop_is_on_every_page_and_reset_takes_the_pin(page: Any, robot: StandInRobot) -> None:
@@ -100,7 +106,9 @@ def test_the_stop_is_on_every_page_and_reset_takes_the_pin(page: Any, robot: Sta
     page.wait_for_selector("#reset", state="detached")
 
 
-def test_only_stop_of_gone_or_unknown_source_can_be_cleared(page: Any, robot: StandInRobot) -> None:
+def test_faults_have_advice_and_only_stop_of_gone_or_unknown_source_can_be_cleared(
+    page: Any, robot: StandInRobot
+) -> None:
     robot.stop_sources = {"ui": Presence.THERE, "panel": Presence.GONE, "unknown": Presence.UNKNOWN}
     robot.emergency = True
     unlock(page)
@@ -117,18 +125,21 @@ def test_only_stop_of_gone_or_unknown_source_can_be_cleared(page: Any, robot: St
     wait_command(robot, "clear unknown")
     page.wait_for_selector('[data-source="unknown"]', state="detached")
     assert page.locator(".clear").count() == 0
+    robot.emergency = False
+    robot.faults = ["LIDAR_TIMEOUT"]
+    robot.say_limit(0.0, "LIDAR_TIMEOUT")
+    page.click('[data-nav="faults"]')
+    page.wait_for_selector('[data-fault="LIDAR_TIMEOUT"]')
+    assert "Check the LiDAR" in page.inner_text('[data-fault="LIDAR_TIMEOUT"]')
+    page.click('[data-nav="diagnostics"]')
+    until(page, "document.querySelector('#topics')?.textContent.includes('/sensors/imu')")
+    row = page.locator("#topics tr", has_text="/sensors/imu").first
+    wait_for(lambda: "Stale" in row.inner_text(), "the stale topic")
+    page.click("#to-staff")  # texts of the rider's page
+    page.wait_for_selector('[data-reason="LIDAR_TIMEOUT"]')
 
 
-def test_a_wrong_pin_opens_nothing(page: Any) -> None:
-    page.click("#to-staff")
-    for digit in "1111":
-        page.click(f'[data-key="{digit}"]')
-    page.click("#unlock")
-    until(page, "document.querySelector('.pin [role=status]').textContent === 'Wrong PIN.'")
-    assert not page.query_selector("nav")
-
-
-def test_driving_by_hand(page: Any, robot: StandInRobot) -> None:
+def test_driving_by_hand_ends_with_the_touch_the_focus_or_a_page_that_freezes(page: Any, robot: StandInRobot) -> None:
     unlock(page)
     page.click('[data-nav="drive"]')
     pad = page.locator("#pad").bounding_box()
@@ -148,17 +159,15 @@ def test_driving_by_hand(page: Any, robot: StandInRobot) -> None:
     page.evaluate("window.dispatchEvent(new Event('blur'))")  # the window loses the focus
     wait_for(lambda: robot.twists[-1].twist.linear.y == 0.0, "standstill")
     page.mouse.up()
-
-
-def test_a_pad_on_a_page_that_freezes_stops(page: Any, robot: StandInRobot) -> None:
-    unlock(page)
-    page.click('[data-nav="drive"]')
-    pad = page.locator("#pad").bounding_box()
-    page.mouse.move(pad["x"] + pad["width"] / 2, pad["y"] + 20)
+    page.click("#mode-turn")
+    count = len(robot.twists)
+    page.mouse.move(x, y)
     page.mouse.down()
-    wait_for(lambda: any(item.twist.linear.x > 0.3 for item in robot.twists), "the robot to be driven")
-    page.evaluate("() => { const end = performance.now() + 1500; while (performance.now() < end); }")
-    assert any(item.twist.linear.x == 0.0 for item in robot.twists[1:])
+    page.mouse.move(x, pad["y"] + 20)
+    wait_for(lambda: any(item.twist.linear.x > 0.3 for item in robot.twists[count:]), "the robot to be driven")
+    count = len(robot.twists)
+    page.evaluate("() => { const end = performance.now() + 1500; while (performance.now() < end); }")  # it freezes
+    assert any(item.twist.linear.x == 0.0 for item in robot.twists[count:])
     page.mouse.up()
 
 
@@ -223,28 +232,28 @@ BROWN = """() => {
 }"""
 
 
-def test_heavy_data_are_drawn(page: Any, robot: StandInRobot) -> None:
+def test_the_map_people_and_the_camera_image_are_drawn(page: Any, robot: StandInRobot) -> None:
     unlock(page)
     wait_for(lambda: colours(page, "map") > 20, "map, costmap and obstacles")
+    until(page, "document.querySelector('#people').textContent === 'People: 2 (walking: 1), things: 1'")
+
+    def near() -> list[dict[str, Any]]:
+        return list(page.evaluate("window.touchUi.link.state.people.near"))
+
+    walking = {"kind": "walking", "at": [3.5, -0.2], "radius": 0.3, "speed": [1.1, 0.3]}  # here odom equals map
+    wait_for(lambda: near()[0] == walking, "the person who walks")
+    assert [item["speed"] for item in near()[1:]] == [[0.0, 0.0], [0.0, 0.0]]
+    before = wait_for(lambda: page.evaluate(BROWN), "them to be drawn")
+    page.click('[aria-label="Zoom in"]')
+    wait_for(lambda: page.evaluate(BROWN) > 1.3 * before > 260, "them to be drawn larger")
+    robot.peer.silence(topics.NAVIGATION_PEOPLE)
+    until(page, "window.touchUi.link.state.people.near.length === 0")  # people out of view are removed
     robot.docking.state = "SERVOING"
     robot.docking.position_error = 0.123
     page.click('[data-nav="docking"]')
     wait_for(lambda: colours(page, "camera") > 5, "the camera image")
     until(page, "document.querySelector('dl').textContent.includes('123.0 mm')")
     until(page, "window.touchUi.link.state.markers?.seen.length === 4")
-
-
-def test_people_and_things_are_on_the_map(page: Any, robot: StandInRobot) -> None:
-    unlock(page)
-    until(page, "document.querySelector('#people').textContent === 'People: 2 (walking: 1), things: 1'")
-    near = page.evaluate("window.touchUi.link.state.people.near")
-    assert near[0] == {"kind": "walking", "at": [3.5, -0.2], "radius": 0.3, "speed": [1.1, 0.3]}  # here odom equals map
-    assert [item["speed"] for item in near[1:]] == [[0.0, 0.0], [0.0, 0.0]]
-    before = wait_for(lambda: page.evaluate(BROWN), "them to be drawn")
-    page.click('[aria-label="Zoom in"]')
-    wait_for(lambda: page.evaluate(BROWN) > 1.3 * before > 260, "them to be drawn larger")
-    robot.peer.silence(topics.NAVIGATION_PEOPLE)
-    until(page, "window.touchUi.link.state.people.near.length === 0")  # people out of view are removed
 
 
 def shown(page: Any) -> str:
@@ -274,24 +283,16 @@ def test_the_external_display_is_shown_as_it_has_confirmed(page: Any, robot: Sta
     until(page, "document.querySelector('#display-link').textContent.includes('No report on')")
 
 
-def test_fault_page_shows_advice_and_diagnostics_page_shows_stale_topic(page: Any, robot: StandInRobot) -> None:
-    unlock(page)
-    robot.faults = ["LIDAR_TIMEOUT"]
-    robot.say_limit(0.0, "LIDAR_TIMEOUT")
-    page.click('[data-nav="faults"]')
-    page.wait_for_selector('[data-fault="LIDAR_TIMEOUT"]')
-    assert "Check the LiDAR" in page.inner_text('[data-fault="LIDAR_TIMEOUT"]')
-    page.click('[data-nav="diagnostics"]')
-    until(page, "document.querySelector('#topics')?.textContent.includes('/sensors/imu')")
-    row = page.locator("#topics tr", has_text="/sensors/imu").first
-    wait_for(lambda: "Stale" in row.inner_text(), "the stale topic")
-    page.click("#to-staff")  # texts of the rider's page
-    page.wait_for_selector('[data-reason="LIDAR_TIMEOUT"]')
-
-
-def test_a_rider_calls_staff(page: Any, robot: StandInRobot) -> None:
+def test_a_rider_calls_staff_whom_a_wrong_pin_does_not_let_in(page: Any) -> None:
     page.click("#call")
     page.wait_for_selector("#call[disabled]")
+    page.click("#to-staff")
+    for digit in "1111":
+        page.click(f'[data-key="{digit}"]')
+    page.click("#unlock")
+    until(page, "document.querySelector('.pin [role=status]').textContent === 'Wrong PIN.'")
+    assert not page.query_selector("nav")
+    page.click("#to-staff")
     unlock(page)
     page.click('[data-nav="faults"]')
     page.click("#call-done")
@@ -299,7 +300,7 @@ def test_a_rider_calls_staff(page: Any, robot: StandInRobot) -> None:
 
 
 def test_a_page_that_lost_its_link_shows_it_and_keeps_only_the_stop(
-    page: Any, robot: StandInRobot, screen: NodeProcess, start: Any, url: str
+    page: Any, robot: StandInRobot, screen: NodeProcess, url: str
 ) -> None:
     set_silence_limit(page, 2.0)
     screen.signal(signal.SIGSTOP)  # the node hangs with its sockets open
@@ -318,6 +319,7 @@ def test_a_page_that_lost_its_link_shows_it_and_keeps_only_the_stop(
 def test_a_page_of_which_a_file_was_lost_comes_up_by_itself(browser: Any, robot: StandInRobot, url: str) -> None:
     """As if the robot restarts while its kiosk loads the page."""
     context = browser.new_context()
+    context.clock.install()
     pages = {file: context.new_page() for file in ("pages/rider.js", "texts.json")}
     for file, page in pages.items():
         page.route(f"**/{file}", lambda route: route.abort())
@@ -325,18 +327,7 @@ def test_a_page_of_which_a_file_was_lost_comes_up_by_itself(browser: Any, robot:
         until(page, "document.readyState === 'complete'")
         assert page.evaluate("document.querySelector('#app').textContent") == "", file
         page.unroute(f"**/{file}")
+    context.clock.fast_forward(10_000)
     for page in pages.values():
         page.wait_for_selector("[data-mission]")
     context.close()
-
-
-def test_settings_stay_on_this_screen(page: Any, url: str) -> None:
-    unlock(page)
-    page.click('[data-nav="settings"]')
-    page.click('[data-choice="text-large"]')
-    page.click('[data-choice="hand-left"]')
-    assert page.locator("#stop").bounding_box()["x"] < 300
-    page.goto(url)
-    page.wait_for_selector("[data-mission]")
-    assert page.locator("#stop").bounding_box()["x"] < 300
-    assert page.evaluate("getComputedStyle(document.documentElement).fontSize") == "21px"

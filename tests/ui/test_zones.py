@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,7 @@ import pytest
 from robot_stack.core.site_map import map_folder
 from robot_stack.core.zones import ZONES_FILE, ZoneType, load_zones
 from robot_stack.ui.pin import hash_pin
-from tests.support.processes import NodeProcess
+from tests.support.processes import NodeProcess, Start
 from tests.support.ui_page import PIN
 from tests.support.ui_robot import StandInRobot
 from tests.support.waiting import wait_for
@@ -21,13 +20,13 @@ from tests.ui.conftest import unlock, until
 from tests.ui.test_access_for_all import AXE, check
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Path:
-    return Path(shutil.copytree(map_folder("yard"), tmp_path / "yard"))
+@pytest.fixture(scope="module")
+def folder(shared_folder: Path) -> Path:
+    return Path(shutil.copytree(map_folder("yard"), shared_folder / "yard"))
 
 
-@pytest.fixture
-def screen(start: Callable[..., NodeProcess], browser: Any, folder: Path) -> NodeProcess:
+@pytest.fixture(scope="module")
+def screen(shared_start: Start, browser: Any, folder: Path) -> NodeProcess:
     lawn = {
         "type": "Feature",
         "properties": {"name": "lawn", "type": "keepout"},
@@ -35,7 +34,7 @@ def screen(start: Callable[..., NodeProcess], browser: Any, folder: Path) -> Nod
     }
     (folder / ZONES_FILE).write_text(json.dumps({"type": "FeatureCollection", "features": [lawn]}))
     pin = f"access.pin_hash:='{hash_pin(PIN)}'"
-    process = start("touch_ui", "-p", "server.port:=0", "-p", pin, "-p", f"pages.map:='{folder}'")
+    process = shared_start("touch_ui", "-p", "server.port:=0", "-p", pin, "-p", f"pages.map:='{folder}'")
     process.wait_output("serving http")
     return process
 
