@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shlex
 import shutil
 import signal
-import subprocess
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -22,17 +19,16 @@ from sensor_msgs.msg import PointCloud2
 from robot_stack.contract import topics
 from robot_stack.core.config import config_dir
 from robot_stack.core.site_map import load_map
+from tests.support.command_line import cli
 from tests.support.peer import Peer
-from tests.support.processes import NodeProcess
+from tests.support.processes import Start
 from tests.support.waiting import wait_for
 from tests.unit.cli.test_map import write_ride
 from tests.unit.mapping import site
 
-ROOT = Path(__file__).resolve().parents[2]
 COMMAND = [sys.executable, "-m", "robot_stack.cli", "map"]
 ROWS = {row.name: row for row in (topics.LIDAR_POINTS, topics.ODOM, topics.IMU)}
 _FASTER = 4.0
-Start = Callable[..., NodeProcess]
 
 
 @pytest.fixture
@@ -107,14 +103,8 @@ def teaching(own_config: Path, start: Start, peer: Peer, tmp_path: Path) -> Teac
     return Teaching(start, peer, tmp_path)
 
 
-def run(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [*COMMAND, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=250.0, env=os.environ, check=False
-    )
-
-
 def test_taught_map_equals_map_built_from_recording(teaching, messages, tmp_path):
-    teaching.drive(messages)
+    teaching.drive(messages[: len(messages) // 2])
     wait_for(lambda: teaching.sweeps() >= site.params().sweeps.fewest, "the map grows")
     node = teaching.node
     node.signal(signal.SIGINT)
@@ -130,7 +120,9 @@ def test_taught_map_equals_map_built_from_recording(teaching, messages, tmp_path
     told = re.search(r"^the ride ends: [\d.]+ m, (\d+) sweeps", said, re.MULTILINE)
     assert taught.about["ride"]["sweeps"] == int(told[1]) == teaching.sweeps()
     origin = map(str, (site.START.x, site.START.y, site.START.yaw))
-    again = run("build", str(teaching.recording), "--name", "room", "--output", str(tmp_path), "--origin", *origin)
+    again = cli(
+        "map", "build", str(teaching.recording), "--name", "room", "--output", str(tmp_path), "--origin", *origin
+    )
     assert again.returncode == 0, again.stderr
     assert load_map(str(tmp_path / "room")).about == taught.about
 
@@ -143,10 +135,7 @@ def test_terminated_teaching_prints_map_build_command(teaching, messages):
     assert teaching.node.wait() == 130
     assert not teaching.maps.exists()
     said = teaching.node.output().splitlines()[-1]
-    built = subprocess.run(
-        [*COMMAND, *shlex.split(said.partition("robot-stack map ")[2])],
-        cwd=ROOT, capture_output=True, text=True, timeout=250.0, check=False,
-    )  # fmt: skip
+    built = cli("map", *shlex.split(said.partition("robot-stack map ")[2]))
     assert built.returncode == 0, built.stderr
     assert load_map(str(teaching.maps / "room")).about["begins_at"]["x_m"] == site.START.x
 
@@ -155,7 +144,7 @@ def test_terminated_teaching_prints_map_build_command(teaching, messages):
 
 
 def refusal(*arguments: str) -> str:
-    done = run("teach", *arguments)
+    done = cli("map", "teach", *arguments)
     assert done.returncode != 0
     assert done.stderr.count("\n") == 1, done.stderr
     assert "recording: " not in done.stdout
