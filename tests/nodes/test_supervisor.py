@@ -26,17 +26,18 @@ from robot_stack.safety.monitor import Memory
 from robot_stack.safety.nodes.safety_monitor import LATCH_FILE, LATCH_FOLDER
 from robot_stack.supervisor.client import Launch, start
 from robot_stack.supervisor.control import NotRunning, ask
+from tests.support.command_line import Done, cli
 from tests.support.fake_safety import FakeSafety
 from tests.support.peer import Peer
+from tests.support.processes import ROOT
 from tests.support.waiting import wait_for
 
-ROOT = Path(__file__).resolve().parents[2]
 NAMES = ("steady", "other", "spare")
 CRITICALITIES = ("critical", "limiting", "optional")
 
 
 class Stack:
-    """One supervised stack of three dummy processes, operated through the real command line."""
+    """One supervised stack of three dummy processes, operated through the command line."""
 
     def __init__(self, folder: Path) -> None:
         self.orders = folder / "orders"
@@ -69,19 +70,8 @@ class Stack:
         }
         self.profile.write_text(yaml.safe_dump({**data, **changes}, sort_keys=False), encoding="utf-8")
 
-    def command(self, *arguments: str, timeout_s: float = 60.0) -> subprocess.CompletedProcess[str]:
-        return subprocess.run(
-            [sys.executable, "-m", "robot_stack.cli", *arguments],
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
-            timeout=timeout_s,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-            check=False,
-        )
-
-    def up(self, *arguments: str) -> subprocess.CompletedProcess[str]:
-        done = self.command("up", "--profile", str(self.profile), "--log-dir", str(self.logs), *arguments)
+    def up(self, *arguments: str) -> Done:
+        done = cli("up", "--profile", str(self.profile), "--log-dir", str(self.logs), *arguments)
         self.note()
         return done
 
@@ -126,7 +116,7 @@ class Stack:
             self.note()
         for pid in self.alive():
             os.kill(pid, signal.SIGCONT)
-        self.command("down")
+        cli("down")
         for pid in self.alive():
             os.kill(pid, signal.SIGKILL)
 
@@ -160,8 +150,9 @@ def assert_nothing_left(stack: Stack) -> None:
 
 
 def test_up_returns_when_all_are_ready_and_down_leaves_nothing(running: Stack) -> None:
-    """Meanwhile: names, groups, shared memory and logs of the processes, and commands that change nothing."""
-    done = running.command("status", "--json")
+    """Also a process that ignores signals, and its child. Meanwhile: names, groups, urgency, shared memory and logs of
+    the processes, and commands that change nothing."""
+    done = cli("status", "--json")
     assert done.returncode == 0
     status = json.loads(done.stdout)
     assert status["ready"] is True
@@ -181,21 +172,29 @@ def test_up_returns_when_all_are_ready_and_down_leaves_nothing(running: Stack) -
     assert logs == {"supervisor.log", *(f"{name}.log" for name in NAMES)}
     assert "working" in running.log("steady")
     assert "all 3 processes are ready" in running.log("supervisor")
+    pids = [status["pid"], *(running.entry(name)["pid"] for name in NAMES)]
+    # Only root may make a process more urgent.
+    urgency = [-15, -10, -10, 0] if os.getuid() == 0 else [0] * 4
+    assert [os.getpriority(os.PRIO_PROCESS, pid) for pid in pids] == urgency
     for arguments, code, text in (
         (("restart", "nobody"), 2, "'nobody' does not run here; processes: steady, other, spare"),
         (("up", "--profile", str(running.profile)), 1, "already running in ROS domain"),
         (("up", "--profile", str(running.profile), "--set", "nobody.x=1"), 2, "'nobody' is no node of this profile"),
     ):
-        done = running.command(*arguments)
+        done = cli(*arguments)
         assert (done.returncode, text in done.stderr) == (code, True), done.stderr
     assert [running.entry(item["name"])["pid"] for item in status["processes"]] == [
         item["pid"] for item in status["processes"]
     ]
-    done = running.command("down")
+    running.order("steady", "child")
+    wait_for(lambda: psutil.Process(running.entry("steady")["pid"]).children(), "a child process")
+    running.order("other", "stubborn")
+    running.note()
+    done = cli("down")
     assert done.returncode == 0
-    assert done.stdout.strip() == "stopped 3 processes"
+    assert done.stdout.strip() == "stopped 3 processes; had to be killed: other"
     assert_nothing_left(running)
-    assert running.command("down").stdout.startswith("no stack is running")
+    assert cli("down").stdout.startswith("no stack is running")
 
 
 def test_up_reports_emergency_stop_latched_earlier_and_release_command(stack: Stack) -> None:
@@ -224,20 +223,15 @@ def test_a_stack_with_a_home_of_its_own_neither_meets_nor_leaves_a_latched_stop(
     stack.note()
     own = state_dir(environment_with_home(home)) / LATCH_FOLDER / COPIES[0]
     wait_for(own.is_file, "the record of the stack's own state")
-    stack.command("down")
+    cli("down")
     assert "ESTOP_PRESSED" not in decode(own.read_bytes()).memory.latched
     assert all(path.read_bytes() == pressed for path in user_files)
 
 
-@pytest.mark.skipif(os.getuid() != 0, reason="only root may make a process more urgent")
-def test_critical_processes_go_first(running: Stack) -> None:
-    pids = [running.entry(name)["pid"] for name in NAMES]
-    assert [os.getpriority(os.PRIO_PROCESS, pid) for pid in pids] == [-10, -10, 0]
-    assert os.getpriority(os.PRIO_PROCESS, ask("status")["pid"]) == -15
+def test_killed_hung_and_stopped_processes_are_restarted_until_it_is_too_often(running: Stack) -> None:
+    """A killed forkserver costs each a restart.
 
-
-def test_killed_hung_and_stopped_processes_are_restarted_and_a_killed_forkserver_costs_one_more(running: Stack) -> None:
-    """The stopped one (SIGSTOP) is alive for the kernel, without heartbeats, and does not react to SIGTERM."""
+    The stopped one (SIGSTOP) is alive for the kernel, without heartbeats, and does not react to SIGTERM."""
     before = {name: running.entry(name)["pid"] for name in NAMES}
     os.kill(before["steady"], signal.SIGKILL)
     waiting = running.wait_entry("steady", lambda item: item["state"] == "backoff", "to wait for its restart")
@@ -264,46 +258,28 @@ def test_killed_hung_and_stopped_processes_are_restarted_and_a_killed_forkserver
         running.wait_entry(name, lambda item: item["state"] == "ready" and item["restarts"] == 2, "to be back again")
     assert not any(_alive(item["pid"]) for item in after.values())
 
-
-def test_restarts_end_after_too_many_crashes_until_manual_restart(running: Stack) -> None:
     running.order("other", "crash")
     failed = running.wait_entry("other", lambda item: item["state"] == "failed", "to be given up")
     assert failed["restarts"] == 3
     assert failed["pid"] is None
     assert "the 4th time within 60 s" in failed["reason"]
-    assert running.command("status", "--once").returncode == 1
+    assert cli("status", "--once").returncode == 1
     running.obey_no_more("other")
-    assert running.command("restart", "other").returncode == 0
+    assert cli("restart", "other").returncode == 0
     running.wait_entry("other", lambda item: item["state"] == "ready", "to run again")
 
 
-def test_stubborn_process_and_its_child_do_not_survive_down(running: Stack) -> None:
-    running.order("steady", "child")
-    wait_for(lambda: psutil.Process(running.entry("steady")["pid"]).children(), "a child process")
-    running.order("other", "stubborn")
-    running.note()
-    done = running.command("down")
-    assert done.returncode == 0
-    assert done.stdout.strip() == "stopped 3 processes; had to be killed: other"
-    assert_nothing_left(running)
-
-
-def test_refused_configuration_is_not_tried_again(stack: Stack) -> None:
+def test_up_reports_refusing_and_waiting_processes_and_stack_keeps_running(stack: Stack) -> None:
     stack.order("spare", "refuse")
-    done = stack.up()
-    assert done.returncode == 1
-    assert "spare: failed: given up: refused to run, see its log" in done.stderr
-    assert stack.entry("spare")["restarts"] == 0
-
-
-def test_up_reports_waiting_process_and_stack_keeps_running(stack: Stack) -> None:
     stack.order("other", "waiting")
-    done = stack.up("--deadline", "15")
+    done = stack.up("--deadline", "5")
     assert done.returncode == 1
     # Before that, the progress of the start names every process.
     told = done.stderr.rpartition("error: ")[2]
+    assert "spare: failed: given up: refused to run, see its log" in told
     assert "other: waiting: /sensors/imu" in told
     assert "steady" not in told
+    assert stack.entry("spare")["restarts"] == 0
     stack.obey_no_more("other")
     stack.wait_entry("other", lambda item: item["state"] == "ready", "to become ready after all")
 
@@ -316,7 +292,6 @@ def test_interrupted_up_stops_what_it_started(stack: Stack) -> None:
         [*command, "--log-dir", str(stack.logs)],
         cwd=ROOT,
         stderr=subprocess.DEVNULL,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
     try:
         wait_for(_answers, "the supervisor to answer")
@@ -336,7 +311,7 @@ def _answers() -> bool:
         return False
 
 
-def test_killed_supervisor_takes_its_processes_along(running: Stack) -> None:
+def test_killed_supervisor_takes_its_processes_along_and_the_next_ends_one_that_hangs(running: Stack) -> None:
     """Also a child of one, and one of which no thread can run, so that only the kernel can end it."""
     running.order("steady", "child")
     wait_for(lambda: psutil.Process(running.entry("steady")["pid"]).children(), "a child process")
@@ -346,12 +321,11 @@ def test_killed_supervisor_takes_its_processes_along(running: Stack) -> None:
     wait_for(lambda: not running.alive(), "every process to stop by itself", 10.0)
     assert "the supervisor has died" in running.log("steady")
     running.obey_no_more("spare")
+    running.obey_no_more("steady")
     done = running.up()
     assert done.returncode == 0, done.stderr
 
-
-def test_next_supervisor_ends_process_left_by_killed_supervisor(running: Stack) -> None:
-    """A process that hangs while its supervisor dies cannot end by itself."""
+    # A process that hangs while its supervisor dies cannot end by itself.
     pid = running.entry("other")["pid"]
     siblings = [running.entry(name)["pid"] for name in ("steady", "spare")]
     os.kill(pid, signal.SIGSTOP)
@@ -362,14 +336,6 @@ def test_next_supervisor_ends_process_left_by_killed_supervisor(running: Stack) 
     assert done.returncode == 0, done.stderr
     assert not _alive(pid)
     assert f"earlier supervisor: {pid}" in running.log("supervisor")
-
-
-def test_down_ends_a_supervisor_that_does_not_answer(running: Stack) -> None:
-    running.note()
-    os.kill(ask("status")["pid"], signal.SIGSTOP)
-    done = running.command("down")
-    assert done.returncode == 0, done.stderr
-    assert_nothing_left(running)
 
 
 def test_foreground_stops_on_sigterm(stack: Stack, tmp_path: Path) -> None:
@@ -384,7 +350,6 @@ def test_foreground_stops_on_sigterm(stack: Stack, tmp_path: Path) -> None:
             cwd=ROOT,
             stdout=output,
             stderr=output,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
         )
     try:
         wait_for(lambda: "all 3 processes are ready" in log.read_text(), "the stack to be ready", 30.0)
@@ -398,68 +363,46 @@ def test_foreground_stops_on_sigterm(stack: Stack, tmp_path: Path) -> None:
     assert_nothing_left(stack)
 
 
-class TestEmergencyStop:
-    """Emergency stop and reset by the supervisor's node."""
+def test_emergency_stop_and_reset_by_the_supervisor_and_past_it(running: Stack, peer: Peer) -> None:
+    peer.listen(topics.EMERGENCY_STOP_SOURCES)  # as the safety monitor does: the tool waits for it
+    safety = FakeSafety(peer)
+    wait_for(lambda: ask("safety")["safety"], "the safety monitor to reach the supervisor")
+    done = cli("estop")
+    assert done.returncode == 0, done.stderr
+    assert safety.active
+    assert "estop requested" in running.log("supervisor")
+    assert ask("status")["safety"]["state"] == "EMERGENCY_STOP"
+    done = cli("reset")
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "released: ESTOP_PRESSED\n"
+    assert safety.requests == [True, False]
+    safety.refusals = ["refused: the robot moves"] * 100
+    done = cli("reset")
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: refused: the robot moves; ")
 
-    @pytest.fixture
-    def safety(self, running: Stack, peer: Peer) -> FakeSafety:
-        made = FakeSafety(peer)
-        wait_for(lambda: ask("safety")["safety"], "the safety monitor to be heard by the supervisor")
-        return made
+    # After a release by others: the supervisor's latched true would stop a node that starts later.
+    safety.requests.clear()
+    cli("estop")
+    peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
+    safety.active = False
+    wait_for(lambda: safety.requests == [True, False, False], "the supervisor to follow", 10.0)
 
-    def test_estop_and_reset_with_and_without_a_reason_against_it(
-        self, running: Stack, safety: FakeSafety, peer: Peer
-    ) -> None:
-        done = running.command("estop")
-        assert done.returncode == 0, done.stderr
-        assert safety.active
-        assert "estop requested" in running.log("supervisor")
-        assert ask("status")["safety"]["state"] == "EMERGENCY_STOP"
-        done = running.command("reset")
-        assert done.returncode == 0, done.stderr
-        assert done.stdout == "released: ESTOP_PRESSED\n"
-        assert safety.requests == [True, False]
-        safety.refusals = ["refused: the robot moves"] * 100
-        done = running.command("reset")
-        assert done.returncode == 1
-        assert done.stderr.startswith("error: refused: the robot moves; ")
+    # Unconfirmed: sent first by the supervisor, then by the command's own node.
+    safety.requests.clear()
+    safety.obeys = False
+    done = cli("estop", "--timeout", "3")
+    assert done.returncode == 1
+    assert "use the button" in done.stderr
+    wait_for(lambda: safety.requests.count(True) == 2, "both stops")
 
-        # After a release by others: the supervisor's latched true would stop a node that starts later.
-        safety.requests.clear()
-        running.command("estop")
-        peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
-        safety.active = False
-        wait_for(lambda: safety.requests == [True, False, False], "the supervisor to follow", 10.0)
-
-    def test_unconfirmed_estop_is_sent_twice_and_an_error(self, running: Stack, safety: FakeSafety) -> None:
-        safety.obeys = False
-        done = running.command("estop", "--timeout", "6")
-        assert done.returncode == 1
-        assert "use the button" in done.stderr
-        # First by the supervisor, then by the command's own node.
-        wait_for(lambda: safety.requests.count(True) == 2, "both stops")
-
-    def test_estop_past_a_supervisor_that_hangs(self, running: Stack, safety: FakeSafety) -> None:
-        os.kill(ask("status")["pid"], signal.SIGSTOP)
-        done = running.command("estop")
-        assert done.returncode == 0, done.stderr
-        assert safety.active
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"processes": ["nobody"]}, "'nobody' is no process of the contract"),
-        ({"extra": {}}, "at least one process"),
-        ({"speed": -1}, "speed"),
-        ({"surprise": 1}, "surprise: is not a known parameter"),
-    ],
-)
-def test_malformed_profile_is_refused_at_once(stack: Stack, change: dict[str, Any], message: str) -> None:
-    stack.write_profile(**change)
-    done = stack.up()
-    assert done.returncode == 2
-    assert message in done.stderr
-    assert done.stderr.count("\n") == 1
-    with pytest.raises(NotRunning):
-        ask("status")
+    # A supervisor that hangs neither prevents a stop nor the end of the stack.
+    safety.obeys = True
+    running.note()
+    os.kill(ask("status")["pid"], signal.SIGSTOP)
+    done = cli("estop")
+    assert done.returncode == 0, done.stderr
+    assert safety.active
+    done = cli("down")
+    assert done.returncode == 0, done.stderr
+    assert_nothing_left(running)
