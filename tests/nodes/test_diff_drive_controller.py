@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import math
 import signal
-import sys
-import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -17,29 +14,23 @@ from nav_msgs.msg import Odometry
 from std_msgs.msg import Bool
 
 from custom_msgs.msg import SafetyStatus
-from custom_msgs.srv import InjectFault
-from robot_stack.contract import services, topics
+from robot_stack.contract import topics
 from robot_stack.core.config import config_dir, read_yaml
 from robot_stack.core.node_record import NodeRecords
 from robot_stack.core.runtime import runtime_dir
-from robot_stack.supervisor import client
-from robot_stack.supervisor.control import ask
-from robot_stack.wmx import MotionEngine, connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE
 from robot_stack.wmx.simulated.channel import StatusView
-from robot_stack.wmx.simulated.protocol import SOCKET_FILE
 from tests.support.braking import braking_s
+from tests.support.engine import TestEngine
 from tests.support.peer import Heard, Peer
-from tests.support.processes import ROOT, NodeProcess
+from tests.support.processes import NodeProcess, Start
 from tests.support.waiting import wait_for
-from wmx_ros2_message.srv import SetAxis
 
 CONFIG = read_yaml(config_dir() / "diff_drive_controller.yaml")
 RADIUS_M, TRACK_M = CONFIG["wheel_radius"], CONFIG["wheel_to_wheel"]
 RAMP_S = 0.2
 QUICK = ("-p", f"acc_time:={RAMP_S}", "-p", f"dec_time:={RAMP_S}")
-BOTH = [0, 1]
 # A stalled client looks silent, and silence is rest: streams that must not pause get a longer timeout.
 STREAM = ("-p", "cmd_vel_timeout_s:=1.0")
 
@@ -50,26 +41,27 @@ def twist(linear_mps: float = 0.0, angular_radps: float = 0.0) -> Twist:
     return message
 
 
+def stamped(linear_mps: float, stamp: Any) -> TwistStamped:
+    message = TwistStamped(twist=twist(linear_mps))
+    message.header.stamp = stamp
+    return message
+
+
 class Rig:
     """Engine, node, and a client that uses only topics."""
 
-    def __init__(self, start: Callable[..., NodeProcess], peer: Peer, folder: Path) -> None:
+    def __init__(self, start: Start, peer: Peer, folder: Path) -> None:
         self.start, self.peer = start, peer
-        self.orders = folder / "orders.json"
         self.echo: Heard = peer.listen(topics.WMX_CMD_VEL_CHECK)
         self.speeds: Heard = peer.listen(topics.WMX_WHEEL_VELOCITIES)
         self.odometry: Heard = peer.listen(topics.WMX_ODOM_ENC)
-        self.engine: NodeProcess | None = None
+        self.engine = TestEngine(start, folder)  # its device lets the engine outlive the node
         self.node: NodeProcess | None = None
         self._view = StatusView(runtime_dir(), 5.0)
-        self._device: MotionEngine | None = None
 
     def start_engine(self) -> None:
-        not_before_ns = time.time_ns()
-        script = ROOT / "tests" / "nodes" / "scripts" / "engine_process.py"
-        self.engine = self.start("engine", command=[sys.executable, str(script), str(self.orders)])
-        socket = runtime_dir() / SOCKET_FILE
-        wait_for(lambda: socket.exists() and socket.stat().st_ctime_ns >= not_before_ns, "the engine to listen", 60.0)
+        self.engine.close()
+        self.engine.run()
         self._view = StatusView(runtime_dir(), 5.0)  # an older one would still show the previous engine
 
     def start_node(self, *ros_args: str) -> NodeProcess:
@@ -104,16 +96,10 @@ class Rig:
     def wait_ready(self) -> None:
         self.wait_status(lambda s: s.communicating and s.servo_on.all() and (s.command_mode == 1).all(), "wheels ready")
 
-    def device(self) -> MotionEngine:
-        """Another client of the engine, like the general node."""
-        self._device = self._device or connect("test", timeout_s=30.0)
-        return self._device
-
     def close(self) -> None:
         if self.node is not None:
             self.node.stop()
-        if self._device is not None:
-            self._device.close()
+        self.engine.close()
 
     # operations of the client
 
@@ -176,9 +162,7 @@ class Rig:
 
 
 @pytest.fixture
-def rig(
-    start: Callable[..., NodeProcess], peer: Peer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> Iterator[Rig]:
+def rig(start: Start, peer: Peer, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
     monkeypatch.setenv(ENGINE_CONFIG_VARIABLE, "wmx_engine_diff_drive")
     rig = Rig(start, peer, tmp_path)
     yield rig
@@ -189,7 +173,7 @@ def rig(
 
 
 def test_documented_topics(rig: Rig) -> None:
-    """An engine that starts late, kinematics, echo, measured speeds and odometry."""
+    """An engine that starts late, kinematics, echo, measured speeds, odometry and stamped twists."""
     node = rig.start_node()
     node.wait_output("waiting for the motion engine")
     assert rig.speeds.items == rig.odometry.items == []
@@ -213,35 +197,15 @@ def test_documented_topics(rig: Rig) -> None:
     assert odometry.pose == Odometry().pose, "no pose unless it is asked for"
     assert odometry.twist.covariance[0] > 0.0
 
-
-def stamped(linear_mps: float, stamp: Any) -> TwistStamped:
-    message = TwistStamped(twist=twist(linear_mps))
-    message.header.stamp = stamp
-    return message
-
-
-def test_stamped_twists_and_limits_of_acceleration(rig: Rig) -> None:
-    """0.9 m/s at 1 m/s2, where the engine's own ramp takes 0.2 s."""
-    node = rig.ready("-p", "limits.linear_acceleration_mps2:=1.0", "-p", "limits.linear_jerk_mps3:=10.0").node
-    assert node is not None
+    # Stamped twists: old ones are dropped, and a stamp of zero means now.
+    rig.peer.silence(topics.WMX_CMD_VEL)
     clock = rig.peer.node.get_clock()
     rig.peer.repeat(topics.WMX_CMD_VEL_STAMPED, lambda: stamped(0.9, clock.now().to_msg()), 20.0)
-    begin = rig.wait_status(lambda s: s.velocity_cmd[0] > 0.1 / RADIUS_M, "wheels speeding up")
-    end = rig.wait_status(lambda s: s.velocity_cmd[0] > 0.8 / RADIUS_M, "wheels nearly as fast as asked for")
-    gained_mps = RADIUS_M * float(end.velocity_cmd[0] - begin.velocity_cmd[0])
-    assert gained_mps < 1.15 * (end.engine_time_s - begin.engine_time_s), "more than 1 m/s2"
     rig.wait_wheels(0.9 / RADIUS_M, 0.9 / RADIUS_M)
-    # The end of a limited change is slow, and must not be measured as part of the stop.
-    rig.wait_status(lambda s: abs(s.velocity_cmd[0] - 0.9 / RADIUS_M) < 1e-6, "the whole speed")
     assert rig.echo.last == twist(0.9)
-
-    # old commands are dropped, which counts as silence: a stop without the limit, by which it would take 0.9 s. Its
-    # ramp is tested in tests/unit/wmx/differential: here a delayed node's last command may end by itself first.
     rig.peer.repeat(topics.WMX_CMD_VEL_STAMPED, lambda: stamped(0.9, Time(sec=1)), 20.0)
-    assert braking_s(rig.wait_status, 0, 0.9 / RADIUS_M) < 0.9
+    rig.wait_rest()
     node.wait_output("/diff_drive_controller/cmd_vel left out: it is ")
-
-    # a stamp of zero means now
     rig.peer.repeat(topics.WMX_CMD_VEL_STAMPED, lambda: stamped(0.3, Time()), 20.0)
     rig.wait_wheels(0.3 / RADIUS_M, 0.3 / RADIUS_M)
 
@@ -288,7 +252,6 @@ def test_emergency_stop_without_and_with_a_safety_monitor(rig: Rig) -> None:
 
 def test_hung_node_killed_node_killed_engine_and_orderly_end(rig: Rig) -> None:
     rig.ready(*STREAM)
-    rig.device()  # the engine outlives the node
     rig.drive(0.5)
     rig.wait_wheels(0.5 / RADIUS_M, 0.5 / RADIUS_M)
     assert rig.node is not None
@@ -304,22 +267,18 @@ def test_hung_node_killed_node_killed_engine_and_orderly_end(rig: Rig) -> None:
     node = rig.start_node(*STREAM)
     rig.stays_at_rest()  # the stream of twists began before the node
     rig.set_out(0.5)
-    assert rig.engine is not None
-    rig.engine.process.kill()
-    rig.engine.process.wait()
+    rig.engine.kill()
     node.wait_output("waiting for the motion engine")
     rig.drive(0.0)
     rig.start_engine()
     rig.wait_ready()
     rig.set_out(0.5)
 
-    rig._device = None  # belongs to the dead engine
-    rig.device()
     node.signal(signal.SIGTERM)
     assert braking_s(rig.wait_status, 0, 0.5 / RADIUS_M) == pytest.approx(RAMP_S, rel=0.02)
     assert node.wait() == 0
     rig.wait_status(lambda s: not s.servo_on.any(), "servos off")
-    assert rig.device().read_status()[1].communicating, "the bus belongs to all"
+    assert rig.engine.device.read_status()[1].communicating, "the bus belongs to all"
 
 
 # --- options -----------------------------------------------------------------------------------------------------
@@ -357,49 +316,11 @@ def test_pose_transform_polarity_and_names(rig: Rig) -> None:
     rig.wait_wheels(*wheel)
     wait_for(lambda: poses and poses[-1].pose.pose.orientation.z > 0.5, "a turn to the left")
     rig.peer.node.destroy_timer(timer)
-    rest = rig.wait_rest()
-    left_rad, right_rad = rest.actual_pos[0], -rest.actual_pos[1]
-    yaw = (right_rad - left_rad) * RADIUS_M / TRACK_M
+    rig.wait_rest()
     wait_for(lambda: abs(poses[-1].twist.twist.angular.z) < 1e-6, "odometry at rest")
     pose = poses[-1].pose.pose
-    assert 2.0 * math.atan2(pose.orientation.z, pose.orientation.w) == pytest.approx(yaw, abs=1e-3)
-    # Both wheels change in equal times, so the ratio of their speeds and thus the circle is constant.
-    circle_m = 0.3
-    assert pose.position.x == pytest.approx(circle_m * math.sin(yaw), abs=0.02)
-    assert pose.position.y == pytest.approx(circle_m * (1.0 - math.cos(yaw)), abs=0.02)
     assert poses[-1].pose.covariance[35] > 0.0
     transform = transforms.wait(
         lambda m: abs(m.transforms[0].transform.translation.x - pose.position.x) < 1e-6, "the transform at rest"
     ).transforms[0]
     assert (transform.header.frame_id, transform.child_frame_id) == ("world", "base_link")
-
-
-def test_profile_with_the_general_node_that_clears_alarms(ros_domain: int, peer: Peer, tmp_path: Path) -> None:
-    """An operator's sequence: start, drive, an alarm, clear_alarm and set_on by service, drive on."""
-    settings = [f"diff_drive_controller.{name}={RAMP_S}" for name in ("acc_time", "dec_time")]
-    speeds = peer.listen(topics.WMX_WHEEL_VELOCITIES)
-    try:
-        status = client.start(client.Launch("diff_drive", settings=settings, log_dir=tmp_path / "logs"), 90.0)
-        assert status["ready"]
-        assert not status["missing"]
-        turning = 0.5 / RADIUS_M
-        peer.repeat(topics.WMX_CMD_VEL, twist, 20.0)
-        peer.wait_matched(topics.WMX_CMD_VEL)
-        begun = len(speeds.items)
-        wait_for(lambda: len(speeds.items) > begun + 100, "a second with the stick in its middle")
-        peer.repeat(topics.WMX_CMD_VEL, lambda: twist(0.5), 20.0)
-        speeds.wait(lambda m: m.data[0] == pytest.approx(turning, abs=0.1), "wheels turning")
-        alarm = InjectFault.Request(kind="drive_alarm", target="left_wheel", duration_s=0.1)
-        assert peer.call(services.INJECT_ENGINE_FAULT, alarm).success
-        speeds.wait(lambda m: list(m.data) == pytest.approx([0.0, 0.0], abs=0.02), "both wheels at rest")
-        wait_for(lambda: not ask("status")["ready"], "the fault in the status")
-        peer.repeat(topics.WMX_CMD_VEL, twist, 20.0)
-        axis = {"index": [0], "data": [1]}
-        cleared = peer.call(services.AXIS_CLEAR_ALARM, SetAxis.Request(**axis))
-        assert cleared.message == "Cleared alarm axis 0; "
-        assert peer.call(services.AXIS_SET_ON, SetAxis.Request(**axis)).message == "Set axis 0 on; "
-        wait_for(lambda: ask("status")["ready"], "the base to be ready again")
-        peer.repeat(topics.WMX_CMD_VEL, lambda: twist(0.5), 20.0)
-        speeds.wait(lambda m: m.data[0] == pytest.approx(turning, abs=0.1), "wheels turning again")
-    finally:
-        client.stop()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -22,25 +22,18 @@ from robot_stack.wmx.api import ErrorCode, OperationState
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE, STALE_VARIABLE
 from tests.support.engine import TestEngine
-from tests.support.processes import NodeProcess
+from tests.support.processes import Start
 from tests.support.waiting import wait_for
 
 if TYPE_CHECKING:
     from tests.support.peer import Peer
 
-Start = Callable[..., NodeProcess]
 NAME = "follow_joint_trajectory_server"
 JOINTS = ["joint1", "joint2", "joint3", "joint4", "joint5", "joint6"]
 STATUS_SUCCEEDED, STATUS_CANCELED, STATUS_ABORTED = 4, 5, 6
 Result = FollowJointTrajectory.Result
-SERVO_OFF, ALARM, NO_COMMUNICATION, NO_ENGINE = 1567, 1568, 1537, 263
+NO_ENGINE = 263
 EMERGENCY_STOP_ON = 65632
-
-
-@pytest.fixture(autouse=True)
-def _six_joints(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv(ENGINE_CONFIG_VARIABLE, "wmx_engine_manipulator")
-    monkeypatch.setenv(STALE_VARIABLE, "1.0")  # the engine may stall on a busy machine
 
 
 def duration(seconds: float) -> Duration:
@@ -104,24 +97,20 @@ class Rig:
         self.engine = TestEngine(start, folder)
         self._beats = peer.listen(topics.HEARTBEAT)
         self._client = ActionClient(peer.node, FollowJointTrajectory, actions.FOLLOW_JOINT_TRAJECTORY.name)
-        self.server: NodeProcess | None = None
-
-    def up(self, *ros_args: str) -> Rig:
         self.engine.run().up()
-        return self.serve(*ros_args)
-
-    def serve(self, *ros_args: str) -> Rig:
-        self.server = self.start(NAME, *ros_args)
+        self.launch()
         self.wait_health("")
         wait_for(self._client.server_is_ready, "the action")
-        return self
+
+    def launch(self) -> None:
+        self.server = self.start(NAME, "-p", "start.max_velocity_radps:=[2.0,2.0,2.0,2.0,2.0,2.0]")
 
     def wait_health(self, text: str) -> None:
-        """Waits for a heartbeat with ``text``; empty means ready."""
+        """Waits for a heartbeat of this server with ``text``; empty means ready."""
 
         def matches() -> bool:
             last = self._beats.last
-            if last is None or last.node != NAME:
+            if last is None or last.pid != self.server.pid:
                 return False
             return text in last.waiting_for if text else last.ready
 
@@ -162,21 +151,31 @@ class Rig:
         return type(self.peer.node.get_clock().now().to_msg())(sec=whole, nanosec=rest)
 
 
-@pytest.fixture
-def rig(start: Start, peer: Peer, tmp_path: Path, _six_joints: None) -> Iterator[Rig]:
-    rig = Rig(start, peer, tmp_path)
-    yield rig
-    rig.engine.close()
+@pytest.fixture(scope="module")
+def shared_rig(shared_start: Start, shared_peer: Peer, shared_folder: Path) -> Iterator[Rig]:
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setenv(ENGINE_CONFIG_VARIABLE, "wmx_engine_manipulator")
+        monkeypatch.setenv(STALE_VARIABLE, "1.0")  # the engine may stall on a busy machine
+        rig = Rig(shared_start, shared_peer, shared_folder)
+        yield rig
+        rig.engine.close()
 
 
 HOME = [0.0] * 6
 THERE = [0.3, -0.2, 0.25, 0.1, -0.3, 0.2]
 FAR = [1.5, -1.0, 1.2, 0.5, -1.5, 1.0]
-LONG = ((0.0, HOME), (1.5, [0.5 * x for x in FAR]), (3.0, FAR))
+HALF = [0.5 * angle for angle in FAR]
+LONG = ((0.0, HOME), (1.5, HALF), (3.0, FAR))
+
+
+@pytest.fixture
+def rig(shared_rig: Rig) -> Rig:
+    """The arm stands at HOME."""
+    assert shared_rig.send((2.0, HOME)).result()[0] == STATUS_SUCCEEDED
+    return shared_rig
 
 
 def test_a_trajectory_is_followed_and_reported(rig: Rig) -> None:
-    rig.up()
     backwards = JOINTS[::-1]
     sent = rig.send((0.0, HOME), (0.3, [0.5 * x for x in THERE[::-1]]), (0.7, THERE[::-1]), joints=backwards)
     assert sent.result() == (STATUS_SUCCEEDED, Result.SUCCESSFUL, "")
@@ -223,7 +222,6 @@ def test_a_trajectory_is_followed_and_reported(rig: Rig) -> None:
 
 
 def test_infeasible_goals_are_rejected_with_reason(rig: Rig) -> None:
-    rig.up("-p", "start.max_velocity_radps:=[2.0,2.0,2.0,2.0,2.0,2.0]")
 
     def refused(message: Any, code: int, words: str) -> None:
         status, error_code, text = rig.send_message(message).result()
@@ -248,10 +246,6 @@ def test_infeasible_goals_are_rejected_with_reason(rig: Rig) -> None:
     status, code, text = rig.send_message(goal(joints=[])).result()
     assert (status, code) == (STATUS_SUCCEEDED, 0)
     assert "no points" in text
-    assert rig.engine.device.core_motion.axisControl.SetServoOn(2, 0) == 0
-    wait_for(lambda: not rig.status.servo_on[2], "servo 3 off")
-    refused(goal((1.0, THERE)), SERVO_OFF, "joint3: the servo is off")
-    rig.engine.servos(1)
     # as many points as permitted, a millisecond apart
     ways = [3.0 * (0.001 * i) ** 2 - 2.0 * (0.001 * i) ** 3 for i in range(1, 1001)]
     many = [(0.001 * (i + 1), [way * angle for angle in THERE]) for i, way in enumerate(ways)]
@@ -260,7 +254,6 @@ def test_infeasible_goals_are_rejected_with_reason(rig: Rig) -> None:
 
 
 def test_tolerances_preemption_and_cancellation(rig: Rig) -> None:
-    rig.up()
     tight = [JointTolerance(name="joint1", position=1e-4)]
     status, code, text = rig.send(*LONG, path_tolerance=tight).result()
     assert (status, code) == (STATUS_ABORTED, Result.PATH_TOLERANCE_VIOLATED)
@@ -319,6 +312,8 @@ def test_tolerances_preemption_and_cancellation(rig: Rig) -> None:
     rig.peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
     assert sent.result()[:2] == (STATUS_ABORTED, EMERGENCY_STOP_ON)
     assert rig.standing
+    rig.peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
+    wait_for(lambda: rig.send_message(nothing).result()[0] == STATUS_SUCCEEDED, "the release", poll_s=0.1)
 
 
 def desired(feedback: list[Any], time_s: float) -> Any:
@@ -330,39 +325,28 @@ def seconds(time_from_start: Duration) -> float:
     return time_from_start.sec + 1e-9 * time_from_start.nanosec
 
 
-def test_velocities_accelerations_and_stamps_are_obeyed(rig: Rig) -> None:
-    rig.up()
-    half = [0.5 * angle for angle in FAR]
+def test_velocities_accelerations_and_late_starts_are_obeyed(rig: Rig) -> None:
+    """The curves: tests/unit/wmx/trajectory/test_curves.py."""
     fast, still = [0.4 * angle for angle in FAR], [0.0] * 6
-
-    def passing(message: Any) -> Any:
-        """The desired point half way, from the feedback of a goal that is reached."""
-        sent = rig.send_message(message)
-        assert sent.result() == (STATUS_SUCCEEDED, 0, "")
-        return desired(sent.feedback, 1.0)
-
-    # without velocities the spline passes the middle at 0.75 of FAR per second
-    there = [(0.0, HOME), (1.0, half), (2.0, FAR)]
-    middle = passing(moving(goal(*there), [still, fast, still]))
+    # Without velocities the spline passes the middle at 0.75 of FAR per second.
+    message = moving(goal((0.0, HOME), (1.0, HALF), (2.0, FAR)), [still, fast, still], [still, still, still])
+    sent = rig.send_message(message)
+    assert sent.result() == (STATUS_SUCCEEDED, 0, "")
+    middle = desired(sent.feedback, 1.0)
     assert middle.velocities[0] == pytest.approx(fast[0], abs=0.06)
-    back = [(0.0, FAR), (1.0, half), (2.0, HOME)]
-    slow = [-speed for speed in fast]
-    middle = passing(moving(goal(*back), [still, slow, still], [still, still, still]))
-    assert middle.velocities[0] == pytest.approx(slow[0], abs=0.06)
     assert middle.accelerations[0] == pytest.approx(0.0, abs=0.6)
 
-    # started half a second ago: the points are reached at their due times
-    late = goal((2.0, half), (4.0, FAR))
+    # Started half a second ago: the points are reached at their due times.
+    late = goal((1.5, HALF), (3.0, HOME))
     late.trajectory.header.stamp = rig.now(-0.5)
     sent = rig.send_message(late)
     assert sent.result() == (STATUS_SUCCEEDED, 0, "")
     assert seconds(sent.feedback[0].desired.time_from_start) >= 0.5
-    assert desired(sent.feedback, 2.0).positions[0] == pytest.approx(half[0], abs=0.05)
-    assert rig.status.actual_pos == pytest.approx(FAR, abs=1e-3)
+    assert desired(sent.feedback, 1.5).positions[0] == pytest.approx(HALF[0], abs=0.05)
+    assert rig.status.actual_pos == pytest.approx(HOME, abs=1e-3)
 
 
 def test_an_engine_that_hangs_or_dies_in_motion_aborts_and_the_server_recovers(rig: Rig) -> None:
-    rig.up()
     # an engine that hangs: the goal ends in time, and the arm stops as soon as the engine continues
     sent = rig.send((3.0, FAR))
     rig.wait_moving()
@@ -383,7 +367,7 @@ def test_an_engine_that_hangs_or_dies_in_motion_aborts_and_the_server_recovers(r
     assert status == STATUS_ABORTED
     assert code > 0
     assert "engine" in text
-    assert rig.send((1.0, FAR)).result()[:2] == (STATUS_ABORTED, NO_ENGINE)
+    assert rig.send((2.0, FAR)).result()[:2] == (STATUS_ABORTED, NO_ENGINE)
     assert rig.set_gripper(False) == (False, "Failed to open gripper")
     rig.wait_health("engine")
     rig.engine.close()
@@ -392,23 +376,10 @@ def test_an_engine_that_hangs_or_dies_in_motion_aborts_and_the_server_recovers(r
     assert rig.send((0.5, THERE)).result() == (STATUS_SUCCEEDED, 0, "")
 
 
-def test_a_server_that_ends_leaves_an_arm_that_stands(rig: Rig) -> None:
-    rig.up()
-    sent = rig.send((6.0, FAR))
-    rig.wait_moving()
-    assert rig.server is not None
-    rig.server.signal(signal.SIGINT)
-    wait_for(lambda: rig.standing, "the arm to stand")
-    assert abs(rig.status.pos_cmd[0]) < abs(FAR[0]) - 0.1, "it went on to its goal"
-    assert sent.result()[:2] == (STATUS_ABORTED, Result.INVALID_GOAL)
-
-
-def test_a_server_that_hangs_leaves_its_trajectory_to_the_engine(rig: Rig) -> None:
-    """The engine's watchdog stops no axis: the arm continues to the end of the spline."""
-    rig.up()
+def test_a_server_that_hangs_is_killed_or_ends_in_motion(rig: Rig) -> None:
+    # The engine's watchdog stops no axis: the arm continues to the end of the spline.
     sent = rig.send((1.5, THERE))
     rig.wait_moving()
-    assert rig.server is not None
     rig.server.signal(signal.SIGSTOP)
     try:
         wait_for(lambda: rig.standing, "the arm to stand")
@@ -417,18 +388,25 @@ def test_a_server_that_hangs_leaves_its_trajectory_to_the_engine(rig: Rig) -> No
         rig.server.signal(signal.SIGCONT)
     assert sent.result()[0] in (STATUS_SUCCEEDED, STATUS_ABORTED)
 
-
-def test_restarted_server_stops_trajectory_of_killed_server(rig: Rig) -> None:
-    rig.up()
+    # A restarted server stops the trajectory of the killed one.
     rig.send((30.0, FAR))
     rig.wait_moving(0.02)
-    assert rig.server is not None
     rig.server.signal(signal.SIGKILL)
     rig.server.wait()
     assert not rig.standing
-    rig.server = rig.start(NAME)
+    rig.launch()
     rig.wait_health("stopping a trajectory whose server has ended")
     rig.wait_health("")
     assert rig.standing
     assert abs(rig.status.pos_cmd[0]) < abs(FAR[0]) - 0.1, "it went on to its goal"
     assert rig.send((0.5, THERE)).result() == (STATUS_SUCCEEDED, 0, "")
+
+    sent = rig.send((6.0, FAR))
+    rig.wait_moving()
+    rig.server.signal(signal.SIGINT)
+    wait_for(lambda: rig.standing, "the arm to stand")
+    assert abs(rig.status.pos_cmd[0]) < abs(FAR[0]) - 0.1, "it went on to its goal"
+    assert sent.result()[:2] == (STATUS_ABORTED, Result.INVALID_GOAL)
+    rig.server.wait()
+    rig.launch()
+    rig.wait_health("")

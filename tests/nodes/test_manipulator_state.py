@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import itertools
 import signal
-import statistics
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,13 +19,12 @@ from robot_stack.wmx.api import ErrorCode, Motion_PosCommand, Profile
 from robot_stack.wmx.axes import Flag, StatusSnapshot
 from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE
 from tests.support.engine import TestEngine
-from tests.support.processes import NodeProcess
+from tests.support.processes import Start
 from tests.support.waiting import wait_for
 
 if TYPE_CHECKING:
     from tests.support.peer import Heard, Peer
 
-Start = Callable[..., NodeProcess]
 NAME = "manipulator_state"
 NAMES = ["joint1", "joint2", "joint3", "joint4", "joint5", "joint6", "picker_1_joint", "picker_2_joint"]
 OPEN, CLOSED = 0.0, 0.045
@@ -82,24 +80,17 @@ def status(engine: TestEngine) -> StatusSnapshot:
     return engine.device.read_status()[1]
 
 
-def test_every_joint_state_is_newer_than_the_one_before(start: Start, peer: Peer, engine: TestEngine) -> None:
-    engine.run()
-    stamps_s: list[float] = []
-
-    def on_bytes(data: bytes) -> None:
-        seconds, nanoseconds = struct.unpack_from("<iI", data, 4)
-        stamps_s.append(seconds + 1e-9 * nanoseconds)
-
-    row = topics.WMX_JOINT_STATES
-    peer.node.create_subscription(interface_class(row.type), row.name, on_bytes, 500, raw=True)
-    start(NAME, *QUICK)
-    wait_for(lambda: len(stamps_s) > 600, "600 joint states")
-    periods_s = [b - a for a, b in itertools.pairwise(stamps_s[100:])]
-    assert min(periods_s) > 0.0
-
-
 def test_joint_states(start: Start, peer: Peer, engine: TestEngine) -> None:
     engine.run()
+    stamps: list[tuple[int, int]] = []
+    row = topics.WMX_JOINT_STATES
+    peer.node.create_subscription(
+        interface_class(row.type),
+        row.name,
+        lambda data: stamps.append(struct.unpack_from("<iI", data, 4)),
+        500,
+        raw=True,
+    )
     isaac, gazebo = peer.listen(topics.ISAAC_JOINT_COMMAND), peer.listen(topics.GAZEBO_COMMANDS)
     node = Manipulator(
         start, peer, "-p", "isaacsim_joint_topic:=/isaacsim/joint_command", "-p", "joint_feedback_rate:=100"
@@ -132,6 +123,8 @@ def test_joint_states(start: Start, peer: Peer, engine: TestEngine) -> None:
     assert engine.device.io.SetOutBit(0, 1, 1) == 0
     assert engine.device.io.SetOutBit(0, 0, 0) == 0
     node.joints.wait(lambda m: list(m.position[6:]) == [OPEN, OPEN], "open fingers")
+    wait_for(lambda: len(stamps) > 200, "200 joint states")
+    assert all(after > before for before, after in itertools.pairwise(stamps)), "each is newer than the one before"
 
 
 def test_names_and_options(start: Start, peer: Peer, engine: TestEngine) -> None:
@@ -151,14 +144,11 @@ def test_names_and_options(start: Start, peer: Peer, engine: TestEngine) -> None
     assert not {"/joint_states", "/gazebo_position_controller/commands", "/gazebo_joint_topic/no_param"} & set(names)
     assert engine.device.io.SetOutBit(0, 1, 1) == 0
     isaac.wait(lambda m: list(m.position[6:]) == [CLOSED, CLOSED], "closed fingers")
-    wait_for(lambda: len(isaac.items) > 100, "100 messages")
-    stamps = [m.header.stamp.sec + 1e-9 * m.header.stamp.nanosec for m in isaac.messages]
-    assert statistics.median(b - a for a, b in itertools.pairwise(stamps)) == pytest.approx(0.01, abs=1e-3)
     node.wait_health("")  # ready although the servos are off
     assert not status(engine).servo_on.any()
 
 
-def test_a_killed_engine_is_silence_and_its_successor_a_new_start(
+def test_a_killed_engine_is_silence_its_successor_a_new_start_and_the_end_stops_the_joints(
     start: Start, peer: Peer, engine: TestEngine, tmp_path: Path
 ) -> None:
     engine.run()
@@ -173,6 +163,18 @@ def test_a_killed_engine_is_silence_and_its_successor_a_new_start(
     node.wait_news()
     node.wait_health("")
     assert status(successor).servo_on.all()
+
+    # The end takes back what the start took.
+    profile = Profile.SetupTrapezoidal(1.0, 5.0, 5.0)
+    assert successor.device.core_motion.motion.StartPos(Motion_PosCommand(0, 100.0, profile)) == 0
+    node.joints.wait(lambda m: m.velocity[0] > 0.5, "joint1 to move")
+    node.process.signal(signal.SIGINT)
+    assert node.process.wait() == 0
+    assert "stopping joint1" in node.process.output()
+    end = status(successor)
+    assert end.flags[Flag.END_REASON, 0] == ErrorCode.PyNone  # stopped, and not by switching its servo off
+    assert not end.servo_on.any()
+    assert end.communicating  # other processes have devices
     successor.close()
 
 
@@ -185,18 +187,3 @@ def test_no_servo_comes_on_during_an_emergency_stop(start: Start, peer: Peer, en
     node.wait_health("emergency stop")
     node.wait_news()
     assert not status(engine).servo_on.any()
-
-
-def test_the_end_takes_back_what_the_start_took(start: Start, peer: Peer, engine: TestEngine) -> None:
-    engine.run()
-    node = Manipulator(start, peer)
-    node.wait_up()
-    profile = Profile.SetupTrapezoidal(1.0, 5.0, 5.0)
-    assert engine.device.core_motion.motion.StartPos(Motion_PosCommand(0, 100.0, profile)) == 0
-    node.joints.wait(lambda m: m.velocity[0] > 0.5, "joint1 to move")
-    node.process.signal(signal.SIGINT)
-    assert node.process.wait() == 0
-    assert "stopping joint1" in node.process.output()
-    assert status(engine).flags[Flag.END_REASON, 0] == ErrorCode.PyNone  # stopped, and not by switching its servo off
-    assert not status(engine).servo_on.any()
-    assert status(engine).communicating  # other processes have devices

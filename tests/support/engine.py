@@ -55,16 +55,6 @@ class TestEngine:
         beside.write_text(json.dumps(self._requested))
         os.replace(beside, self._control)
 
-    def recover(self) -> None:
-        """Recovers like the hardware interface after a fault: clears the alarms and switches the servos on."""
-        self.set(alarms={}, connected=True)
-        if not self.device.read_status()[1].communicating:
-            assert self.device.api.StartCommunication(5000) == 0
-        for axis in range(self.n_axes):
-            self.device.core_motion.axisControl.ClearAmpAlarm(axis)
-        wait_for(lambda: not any(self.device.read_status()[1].amp_alarm), "no alarm")
-        self.servos(1)
-
     def kill(self) -> None:
         assert self.process is not None
         self.process.process.kill()
