@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -15,7 +14,7 @@ from robot_stack.contract import services, topics
 from robot_stack.core.camera import camera_file, load_intrinsics
 from robot_stack.middleware.conversions import time_to_s
 from tests.support.peer import Heard, Peer
-from tests.support.processes import NodeProcess
+from tests.support.processes import Start
 from tests.support.waiting import wait_for
 from tf2_msgs.msg import TFMessage
 
@@ -53,7 +52,7 @@ def ids(message: object) -> set[int]:
 
 
 @pytest.fixture
-def front(start: Callable[..., NodeProcess], peer: Peer) -> Heard:
+def front(start: Start, peer: Peer) -> Heard:
     process = start("camera_driver", "-p", "world:=flat")
     heard = peer.listen(topics.FRONT_IMAGE)
     peer.repeat(topics.SIM_BODIES, lambda: bodies(peer), 50.0)
@@ -108,7 +107,7 @@ def test_faults_change_the_pictures_and_are_answered(front: Heard, peer: Peer) -
     assert "target must be one of 'front', 'rear'" in refused.message
 
 
-def test_camera_driver_reports_awaited_topic(start: Callable[..., NodeProcess], peer: Peer) -> None:
+def test_camera_driver_reports_awaited_topic(start: Start, peer: Peer) -> None:
     process = start("camera_driver", "-p", "world:=flat")
     process.wait_output("waiting for /sim/bodies", 60.0)
     process.stop()

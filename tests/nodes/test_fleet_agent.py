@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import json
 import signal
-from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from tests.support.fleet.broker import Peer, running_broker
-from tests.support.processes import NodeProcess
+from tests.support.processes import Start
 from tests.support.waiting import wait_for
 
 PREFIX = "uagv/v2/robot_stack/robot_1"
 
 
-def test_agent_answers_and_its_end_is_announced(start: Callable[..., NodeProcess], tmp_path: Path) -> None:
+def test_agent_answers_and_its_end_is_announced(start: Start, tmp_path: Path) -> None:
     with running_broker(tmp_path / "site") as broker:
         files = broker.site.add_robot("robot_1")
         settings = {

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable
 from pathlib import Path
 
-from tests.support.processes import NodeProcess
+from tests.support.processes import Start
 
 
-def test_orders_outlive_a_killed_mission_manager(start: Callable[..., NodeProcess], tmp_path: Path) -> None:
+def test_orders_outlive_a_killed_mission_manager(start: Start, tmp_path: Path) -> None:
     def verb(*words: str, code: int = 0) -> list[str]:
         process = start("verb", command=[sys.executable, "-m", "robot_stack.cli", "mission", *words, "--timeout", "20"])
         assert process.wait() == code, process.output()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -29,10 +28,8 @@ from robot_stack.middleware.conversions import (
 )
 from tests.support.blind import BLIND
 from tests.support.peer import Peer
-from tests.support.processes import NodeProcess
+from tests.support.processes import Start
 from tests.support.waiting import DEADLINE_S, wait_for
-
-Start = Callable[..., NodeProcess]
 
 
 class Navigator(Node):
@@ -132,7 +129,8 @@ def navigator(ros_domain: int) -> Iterator[Navigator]:
 
 
 def test_a_client_written_for_nav2_drives_the_robot(start: Start, peer: Peer, navigator: Navigator) -> None:
-    process, robot = start("navigation_controller", *BLIND), Robot(peer)
+    start("navigation_controller", *BLIND)
+    robot = Robot(peer)
     # Before it knows its pose there is no plan, and feedback has no distance.
     peer.listen(topics.HEARTBEAT).wait(
         lambda beat: beat.node == "navigation_controller" and beat.ready, "a controller that knows its pose"
@@ -153,15 +151,4 @@ def test_a_client_written_for_nav2_drives_the_robot(start: Start, peer: Peer, na
     navigator.cancel(second)
     status, result = navigator.result(second)
     assert (status, result.error_code) == (GoalStatus.STATUS_CANCELED, NavigateToPose.Result.NONE)
-    robot.wait_standing()
-
-    status, result = navigator.result(navigator.go_to_pose(1e4, 0.0))
-    assert (status, result.error_code) == (GoalStatus.STATUS_ABORTED, 200)
-    assert "limit 500.0 m" in result.error_msg
-
-    navigator.go_to_pose(100.0, 0.5)
-    navigator.spin_feedback(lambda feedback: feedback.distance_remaining < 98.0)
-    process.signal(signal.SIGTERM)
-    assert process.wait() == 0
-    assert "Traceback" not in process.output()
     robot.wait_standing()

@@ -6,7 +6,7 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,14 +16,13 @@ import pytest
 
 from robot_stack.contract import topics
 from robot_stack.ros import transport
-from tests.support.processes import NodeProcess, node_command
+from tests.support.processes import NodeProcess, Start, node_command
 from tests.support.waiting import wait_for
 
 if TYPE_CHECKING:
     from tests.support.peer import Peer
 
 SCRIPTS = Path(__file__).parent / "scripts"
-Start = Callable[..., NodeProcess]
 _ROBOT, _STRANGER = "198.51.100.1", "198.51.100.2"  # RFC 5737: documentation
 _FOR_S = 6.0  # 60 announcements
 _FIRST_EPHEMERAL = 32768

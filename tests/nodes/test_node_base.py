@@ -6,7 +6,6 @@ import itertools
 import os
 import signal
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,13 +16,12 @@ from std_msgs.msg import Bool
 
 from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import topics
-from tests.support.processes import NodeProcess
+from tests.support.processes import NodeProcess, Start
 from tests.support.waiting import wait_for
 
 if TYPE_CHECKING:
     from tests.support.peer import Peer
 
-Start = Callable[..., NodeProcess]
 SCRIPTS = Path(__file__).parent / "scripts"
 
 
@@ -32,22 +30,22 @@ def example(start: Start, *arguments: str) -> NodeProcess:
     return start("example", command=[sys.executable, str(SCRIPTS / "example_node.py"), *arguments])
 
 
-def test_heartbeat_carries_name_pid_and_readiness(start: Start, peer: Peer) -> None:
-    heard = peer.listen(topics.HEARTBEAT)
+def test_heartbeat_diagnostics_and_qos_of_the_rows(start: Start, peer: Peer) -> None:
+    beats, diagnostics = peer.listen(topics.HEARTBEAT), peer.listen(topics.DIAGNOSTICS)
     process = example(start)
-    beat = heard.wait(lambda message: message.ready, "a ready heartbeat")
+    beat = beats.wait(lambda message: message.ready, "a ready heartbeat")
     assert (beat.node, beat.pid) == ("navigation_controller", process.pid)
     assert beat.sequence >= 1
-
-
-def test_diagnostics_name_inputs_and_loops(start: Start, peer: Peer) -> None:
-    heard = peer.listen(topics.DIAGNOSTICS)
-    example(start)
-    status = heard.wait(lambda message: message.status[0].level == b"\x00", "an OK diagnosis").status[0]
+    status = diagnostics.wait(lambda message: message.status[0].level == b"\x00", "an OK diagnosis").status[0]
     values = {item.key: item.value for item in status.values}
     assert status.name == "navigation_controller"
     assert "input /emergency_stop" in values
     assert "calls" in values["loop tick"]
+    info = wait_for(lambda: peer.node.get_publishers_info_by_topic("/cmd_vel"), "the publisher in the graph")[0]
+    assert info.topic_type == topics.CMD_VEL.type
+    assert info.qos_profile.reliability.name == "RELIABLE"
+    infos = wait_for(lambda: peer.node.get_subscriptions_info_by_topic("/emergency_stop"), "the subscription")
+    assert infos[0].qos_profile.durability.name == "TRANSIENT_LOCAL"
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -82,39 +80,31 @@ def test_a_process_that_was_held_up_says_so_and_blames_nobody(start: Start, peer
     process.signal(signal.SIGCONT)
 
 
-def test_a_second_node_of_the_same_name_refuses_to_start(start: Start) -> None:
+def test_a_second_node_of_the_same_name_refuses_to_start_until_the_first_is_gone(start: Start) -> None:
     first = example(start)
     first.wait_output("driving")
     second = example(start)
     assert second.wait() == 2
     assert f"already running in this ROS domain (process {first.pid})" in second.output()
     assert first.running()
-
-
-def test_the_name_is_free_again_after_sigkill(start: Start) -> None:
-    first = example(start)
-    first.wait_output("driving")
     first.signal(signal.SIGKILL)
     first.wait()
     example(start).wait_output("driving")
 
 
-def test_an_unknown_parameter_is_refused_by_name(start: Start) -> None:
-    process = example(start, "--ros-args", "-p", "speeed:=1.0")
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--ros-args", "-p", "speeed:=1.0"), "speeed"),
+        (("--advertise", "WHEEL_COMMANDS"), "navigation_controller may not publish /swerve/wheel_commands"),
+        (("--listen", "ODOM"), "may not listen to /odom: the contract names recorder, black_box"),
+    ],
+    ids=["unknown parameter", "publisher outside the contract", "every row is the recorder's"],
+)
+def test_what_the_contract_forbids_ends_the_start(start: Start, arguments: tuple[str, ...], said: str) -> None:
+    process = example(start, *arguments)
     assert process.wait() == 2
-    assert "speeed" in process.output()
-
-
-def test_an_endpoint_outside_the_contract_stops_the_start(start: Start) -> None:
-    process = example(start, "--advertise", "WHEEL_COMMANDS")
-    assert process.wait() == 2
-    assert "navigation_controller may not publish /swerve/wheel_commands" in process.output()
-
-
-def test_only_the_recorder_may_listen_to_every_row(start: Start) -> None:
-    process = example(start, "--listen", "ODOM")
-    assert process.wait() == 2
-    assert "navigation_controller may not listen to /odom: the contract names recorder, black_box" in process.output()
+    assert said in process.output()
 
 
 def test_publishers_accept_qos_overrides(start: Start, peer: Peer) -> None:
@@ -125,15 +115,6 @@ def test_publishers_accept_qos_overrides(start: Start, peer: Peer) -> None:
         return infos[0].qos_profile.reliability.name if infos else None
 
     assert wait_for(reliability, "the publisher in the graph") == "BEST_EFFORT"
-
-
-def test_endpoints_carry_the_qos_of_their_rows(start: Start, peer: Peer) -> None:
-    example(start)
-    info = wait_for(lambda: peer.node.get_publishers_info_by_topic("/cmd_vel"), "the publisher in the graph")[0]
-    assert info.topic_type == topics.CMD_VEL.type
-    assert info.qos_profile.reliability.name == "RELIABLE"
-    infos = wait_for(lambda: peer.node.get_subscriptions_info_by_topic("/emergency_stop"), "the subscription")
-    assert infos[0].qos_profile.durability.name == "TRANSIENT_LOCAL"
 
 
 def test_emergency_stop_holds_until_both_keys(start: Start, peer: Peer) -> None:

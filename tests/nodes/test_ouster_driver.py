@@ -14,10 +14,9 @@ from robot_stack.contract import topics
 from robot_stack.core.point_cloud import SWEEP, xyz_of
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.middleware.point_cloud import points_of
-from tests.nodes.test_point_cloud_adapter import says
 from tests.support.ouster_packets import COLUMNS_PER_PACKET, Os
-from tests.support.peer import Peer
-from tests.support.processes import NodeProcess
+from tests.support.peer import Peer, says
+from tests.support.processes import Start
 from tests.support.udp_lidar import UdpLidar
 from tests.support.waiting import wait_for
 
@@ -62,7 +61,7 @@ def arguments(lidar: UdpLidar, metadata: Path) -> list[str]:
 
 
 def test_sweeps_corrupt_packets_silence_and_a_new_start(
-    start: Callable[..., NodeProcess], peer: Peer, lidar: UdpLidar, metadata: Path
+    start: Start, peer: Peer, lidar: UdpLidar, metadata: Path
 ) -> None:
     sweeps, diagnostics = peer.listen(topics.LIDAR_POINTS), peer.listen(topics.DIAGNOSTICS)
     start(NAME, *arguments(lidar, metadata))
@@ -94,7 +93,7 @@ def test_sweeps_corrupt_packets_silence_and_a_new_start(
 
 
 def test_packets_that_the_metadata_do_not_describe_are_named(
-    start: Callable[..., NodeProcess], peer: Peer, lidar: UdpLidar, metadata: Path
+    start: Start, peer: Peer, lidar: UdpLidar, metadata: Path
 ) -> None:
     sweeps, diagnostics = peer.listen(topics.LIDAR_POINTS), peer.listen(topics.DIAGNOSTICS)
     metadata.write_text(DEVICE.after(serial=5).metadata())
@@ -117,7 +116,7 @@ def test_packets_that_the_metadata_do_not_describe_are_named(
     ],
 )
 def test_metadata_that_cannot_be_used_are_one_clear_line(
-    start: Callable[..., NodeProcess], metadata: Path, text: str | None, what: str
+    start: Start, metadata: Path, text: str | None, what: str
 ) -> None:
     if text is None:
         metadata.unlink()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from robot_stack.middleware.conversions import time_to_s
 from robot_stack.middleware.point_cloud import points_of
 from tests.nodes.test_lidar_driver import Clock
 from tests.support.peer import Heard, Peer
-from tests.support.processes import NodeProcess
+from tests.support.processes import Start
 from tests.support.waiting import wait_for
 
 SENSOR = load_robot().range_sensors[frames.OVERHEAD_LIDAR]
@@ -33,7 +32,7 @@ def in_base(message: object) -> np.ndarray:
 
 
 @pytest.fixture
-def sweeps(start: Callable[..., NodeProcess], peer: Peer) -> Heard:
+def sweeps(start: Start, peer: Peer) -> Heard:
     process = start("overhead_lidar_driver", "-p", "world:=yard")
     heard = peer.listen(topics.OVERHEAD_LIDAR_POINTS)
     peer.repeat(topics.SIM_BODIES, Clock(peer).bodies, 50.0)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import resource
 import signal
 import threading
 from array import array
@@ -16,31 +15,27 @@ import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticStatus
 from geometry_msgs.msg import Twist
-from nav_msgs.msg import OccupancyGrid, Odometry
+from nav_msgs.msg import OccupancyGrid
 from rclpy.action import ActionClient
 from sensor_msgs.msg import JointState
 
 from custom_msgs.action import Dock
-from custom_msgs.msg import EHMIState, SafetyStatus, SwerveModuleCommandArray, UICommand
+from custom_msgs.msg import EHMIState, SafetyStatus, SwerveModuleCommandArray
 from robot_stack.contract import actions, topics
 from robot_stack.contract.display import Display
 from robot_stack.contract.frames import JOINTS
-from robot_stack.core.geometry import IDENTITY
 from robot_stack.core.point_cloud import points_from_xyz
 from robot_stack.core.site_map import Grid, SiteMap, save_map
 from robot_stack.docking.warm_up import warm_up
-from robot_stack.middleware.conversions import pose_stamped
 from robot_stack.middleware.point_cloud import cloud_message
 from sim.computer.written_computer import WrittenComputer
 from tests.simulated.nodes.test_aruco_detector import PICTURES, ids, image, info
 from tests.support.blind import BLIND
 from tests.support.engine import BUTTON_PRESSED, BUTTON_RELEASED, TestEngine
 from tests.support.peer import Peer
-from tests.support.processes import NodeProcess
+from tests.support.processes import NodeProcess, Start
 from tests.support.waiting import wait_for
 from tests.unit.localization.courtyard import cells
-
-Start = Callable[..., NodeProcess]
 
 
 @pytest.mark.parametrize(
@@ -238,28 +233,3 @@ def test_full_costmap_is_transmitted_over_dds(start: Start, peer: Peer) -> None:
     peer.repeat(topics.OBSTACLES, lambda: cloud_message(points_from_xyz(np.empty((0, 3))), "base_link"), 20.0)
     peer.listen(topics.LOCAL_COSTMAP).wait(lambda message: len(message.data) == 40000, "a grid")
     leaves(node)
-
-
-def test_mission_manager_on_a_full_disk_refuses_a_ride_and_its_end_leaves_no_goal(
-    start: Start, peer: Peer, tmp_path: Path
-) -> None:
-    status, plans = peer.listen(topics.MISSION_STATUS), peer.listen(topics.PLAN)
-    start("navigation_controller", *BLIND)
-    clock = peer.node.get_clock()
-    peer.repeat(topics.CURRENT_POSE, lambda: pose_stamped(IDENTITY, "map", clock.now().to_msg()), 20.0)
-    peer.repeat(topics.ODOM, Odometry, 50.0)
-    peer.repeat(topics.SAFETY_STATUS, lambda: SafetyStatus(safety_state="NORMAL"), 20.0)
-    node = start("mission_manager", "-p", f"journal_file:={tmp_path / 'mission.db'}")
-    status.wait(lambda message: message.state == "IDLE", "IDLE")
-    # The operating system now refuses writes to the journal.
-    resource.prlimit(node.pid, resource.RLIMIT_FSIZE, (1000, resource.RLIM_INFINITY))
-    begin = UICommand(command_type="START_MISSION", mission_id="short_hop")
-    peer.repeat(topics.UI_COMMAND, lambda: begin, 2.0)
-    status.wait(lambda message: "the journal cannot be written" in message.reason, "a refusal")
-    assert not any(plan.poses for plan in plans.messages)
-    resource.prlimit(node.pid, resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-    status.wait(lambda message: message.state == "RUNNING", "the ride")
-    peer.silence(topics.UI_COMMAND)
-    plans.wait(lambda plan: plan.poses, "the first goal")
-    leaves(node, signal.SIGINT)
-    plans.wait(lambda plan: not plan.poses, "the goal cancelled")

@@ -1,10 +1,10 @@
-"""The battery driver behind an adapter on a real pseudo terminal: readings, invalid data, silence, a pulled cable."""
+"""The battery driver behind an adapter on a real pseudo terminal: readings, complaints, a pulled cable."""
 
 from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,9 +13,8 @@ from sensor_msgs.msg import BatteryState
 from robot_stack.contract import topics
 from sim.devices.pylontech import Battery, SlcanAdapter
 from sim.devices.serial_line import SerialLine
-from tests.nodes.test_point_cloud_adapter import says
-from tests.support.peer import Peer
-from tests.support.processes import NodeProcess
+from tests.support.peer import Peer, says
+from tests.support.processes import Start
 from tests.support.waiting import wait_for
 
 PERIOD_S = 0.2  # five times the real rate, to shorten the test
@@ -28,7 +27,6 @@ class Bus:
 
     def __init__(self, link: Path) -> None:
         self.line, self.adapter, self.battery = SerialLine(link), SlcanAdapter(), Battery()
-        self.silent: tuple[int, ...] = ()
         self.extra = b""
         self._turn, self._ended = threading.Lock(), threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
@@ -48,8 +46,7 @@ class Bus:
             with self._turn:
                 self.line.send(self.adapter.answer_to(self.line.received()))
                 for frame in self.battery.frames():
-                    if frame[0] not in self.silent:
-                        self.line.send(self.adapter.from_bus(frame))
+                    self.line.send(self.adapter.from_bus(frame))
                 if self.adapter.is_open:
                     self.line.send(self.extra)
                     self.extra = b""
@@ -69,10 +66,9 @@ def bus(ros_domain: int) -> Iterator[Bus]:
     bus.close()
 
 
-def test_readings_and_what_the_battery_complains_of(start: Callable[..., NodeProcess], peer: Peer, bus: Bus) -> None:
+def test_readings_complaints_and_a_pulled_cable(start: Start, peer: Peer, bus: Bus) -> None:
     states, diagnostics = peer.listen(topics.BATTERY_STATE), peer.listen(topics.DIAGNOSTICS)
     start(NAME, *SLCAN)
-    says(diagnostics, NAME, "no frame 0x356")
     bus.plug()
     wait_for(lambda: len(states.items) >= 3, "readings")
     state = states.last
@@ -96,33 +92,18 @@ def test_readings_and_what_the_battery_complains_of(start: Callable[..., NodePro
     bus.battery = Battery()
     bus.extra = b"tZZZ\r\xff\xfe\r"
     wait_for(lambda: int(says(diagnostics, NAME, "readings arrive")["frames corrupt"]) > 0, "a corrupt frame")
-
-
-def test_silence_nonsense_and_a_pulled_cable(start: Callable[..., NodeProcess], peer: Peer, bus: Bus) -> None:
-    states, diagnostics = peer.listen(topics.BATTERY_STATE), peer.listen(topics.DIAGNOSTICS)
-    bus.plug()
-    start(NAME, *SLCAN)
-    wait_for(lambda: len(states.items) >= 3, "readings")
-    # A missing or invalid frame ends the readings; old values are not repeated.
-    bus.silent = (0x355,)
-    says(diagnostics, NAME, "no frame 0x355 (charge) for 3 s")
-    count = len(states.items)
-    says(diagnostics, NAME, "no frame 0x355")
-    assert len(states.items) == count
-    bus.silent, bus.battery = (), Battery(voltage_v=4.0)
-    says(diagnostics, NAME, "the last was refused: the voltage is 4.0 V, expected 30.0 to 60.0 V")
-    assert len(states.items) <= count + 1  # a fresh charge with the last valid voltage is still one reading
-    bus.battery = Battery(charge_percent=75)
-    states.wait(lambda message: message.percentage == pytest.approx(0.75), "a reading")
-    # The cable is pulled, and plugged in again.
+    # The cable is pulled, and plugged in again; old values are not repeated.
     bus.pull()
     says(diagnostics, NAME, "no frame 0x356 (voltage, current) and 0x355 (charge)")
+    count = len(states.items)
+    says(diagnostics, NAME, "no frame 0x356")
+    assert len(states.items) == count
     bus.battery = Battery(charge_percent=74)
     bus.plug()
     states.wait(lambda message: message.percentage == pytest.approx(0.74), "a reading")
 
 
-def test_missing_can_bus_is_reported(start: Callable[..., NodeProcess], peer: Peer) -> None:
+def test_missing_can_bus_is_reported(start: Start, peer: Peer) -> None:
     diagnostics = peer.listen(topics.DIAGNOSTICS)
     start(NAME, "-p", "can.channel:=can99")
     assert "can99" in says(diagnostics, NAME, "can99")["device"]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import resource
 import signal
 import time
-from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -160,7 +159,8 @@ def test_point_clouds_arrive_whole(studio):
     cloud = PointCloud2(height=1, width=150_000, point_step=16, row_step=2_400_000, data=bytes(range(240)) * 10_000)
     # Repeated, because the topic is best effort and a busy machine may lose a message.
     studio.peer.repeat(topics.LIDAR_POINTS, lambda: cloud, 2.0)
-    wait_for(lambda: _chunks_of(studio) >= 5, "five clouds on the disk")
+    path = studio.output / "ride" / "ride_0.mcap"
+    wait_for(lambda: path.read_bytes().count(b"zstd") >= 5, "five clouds on the disk")  # each chunk names it
     studio.peer.silence(topics.LIDAR_POINTS)
     node.signal(signal.SIGINT)
     assert node.wait() == 0
@@ -168,21 +168,6 @@ def test_point_clouds_arrive_whole(studio):
         clouds = [reader.deserialize(data, connection.msgtype) for connection, _, data in reader.messages()]
     assert len(clouds) >= 5
     assert all(bytes(item.data) == bytes(cloud.data) for item in clouds)
-
-
-def test_sweeps_are_thinned(studio):
-    node = studio.launch("include:=['/sensors/lidar/points']")
-    studio.wait_ready()
-    sent = []
-    studio.peer.repeat(topics.LIDAR_POINTS, lambda: sent.append(1) or PointCloud2(), 10.0)
-    studio.peer.wait_matched(topics.LIDAR_POINTS)
-    wait_for(lambda: int(studio.value("messages") or 0) >= 4, "sweeps recorded")
-    node.signal(signal.SIGINT)
-    assert node.wait() == 0
-    with AnyReader([studio.output / "ride"]) as reader:
-        times_s = [1e-9 * at_ns for _, at_ns, _ in reader.messages()]
-    assert len(times_s) <= 0.5 * len(sent), "2 Hz of 10 Hz"
-    assert (times_s[-1] - times_s[0]) / (len(times_s) - 1) > 0.4
 
 
 class Cameras:
@@ -207,13 +192,13 @@ class Cameras:
         wait_for(lambda: self.sent >= end, f"{count} more images")
 
 
-def images_of(folder: Path) -> list[tuple[int, int]]:
-    """(time of reception in ns, number) of the images in a recording."""
+def images_of(folder: Path) -> list[int]:
+    """The numbers of the images in a recording."""
     with AnyReader([folder]) as reader:
         rows = [item for item in reader.connections if item.topic == topics.FRONT_IMAGE.name]
         return [
-            (stamp, int(reader.deserialize(data, connection.msgtype).data[0]))
-            for connection, stamp, data in reader.messages(connections=rows)
+            int(reader.deserialize(data, connection.msgtype).data[0])
+            for connection, _, data in reader.messages(connections=rows)
         ]
 
 
@@ -233,35 +218,9 @@ def test_images_are_recorded_while_the_robot_docks(studio):
     node.signal(signal.SIGINT)
     assert node.wait() == 0
     images = images_of(studio.output / "ride")
-    assert images[0][1] > first
-    assert 3 <= len(images) <= 8, "2 Hz for 1.5 s of docking and the tail"
-    beats_s = [1e-9 * (after[0] - before[0]) for before, after in pairwise(images)]
-    assert min(beats_s) > 0.3
-
-
-def test_images_always_and_never(studio):
-    node = studio.launch("images:=always", "image_rate_hz:=100.0", "include:=['/sensors/camera/*']")
-    studio.wait_ready()
-    cameras = Cameras(studio)
-    studio.peer.wait_matched(topics.FRONT_IMAGE)
-    cameras.wait_sent(5)
-    wait_for(lambda: int(studio.value("messages") or 0) >= 4, "images recorded")
-    node.signal(signal.SIGINT)
-    assert node.wait() == 0
-    numbers = [number for _, number in images_of(studio.output / "ride")]
-    assert numbers == sorted(set(numbers))
-    assert numbers[-1] - numbers[0] <= len(numbers) + 1, "every one, but for what best effort may lose"
-    studio.launch("images:=never", "include:=['/sensors/camera/*', '/docking/status']", name="second")
-    studio.wait_ready()
-    cameras.state = "SERVOING"
-    studio.peer.wait_matched(topics.DOCKING_STATUS)
-    cameras.wait_sent(5)
-    assert cameras.listeners() == 0
-
-
-def _chunks_of(studio: Studio) -> int:
-    data = (studio.output / "ride" / "ride_0.mcap").read_bytes()
-    return data.count(b"zstd")  # each chunk names its compression
+    assert images[0] > first
+    assert len(images) > 1
+    assert images == sorted(set(images))
 
 
 def test_a_killed_recorder_is_completed_by_the_next(studio):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import pytest
@@ -22,11 +21,10 @@ from std_msgs.msg import String
 from robot_stack.contract import frames, topics
 from robot_stack.core.config import config_dir, read_yaml
 from tests.support.peer import Peer
-from tests.support.processes import NodeProcess
+from tests.support.processes import Start
 from tests.support.waiting import wait_for
 from tf2_msgs.msg import TFMessage
 
-Start = Callable[..., NodeProcess]
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import signal
-from collections.abc import Callable
-from pathlib import Path
+import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,13 +15,14 @@ from robot_stack.contract.frames import DRIVE_AXES, JOINTS
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import load_robot
+from robot_stack.core.runtime import runtime_dir
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.wmx import MotionEngine, connect
 from robot_stack.wmx.api.values import Profile, Velocity_VelCommand
 from robot_stack.wmx.robot_parameters import robot_parameters, write_parameters
 from sim.worldfile import load_world
-from tests.support.peer import Heard, Peer
-from tests.support.processes import NodeProcess
+from tests.support.peer import Peer
+from tests.support.processes import NodeProcess, Start
 from tests.support.waiting import wait_for
 from tf2_msgs.msg import TFMessage
 
@@ -41,13 +41,6 @@ def inject(
     return peer.call(services.INJECT_FAULT, request)
 
 
-def rate_hz(heard: Heard, over_s: float) -> float:
-    """Messages per second by their stamps, over the last ``over_s``."""
-    stamps = [time_to_s(message.header.stamp) for message in heard.messages]
-    recent = [stamp for stamp in stamps if stamp > stamps[-1] - over_s]
-    return (len(recent) - 1) / (recent[-1] - recent[0])
-
-
 def drive_on(engine: MotionEngine, speed_mps: float) -> None:
     """Starts the bus, sets the robot's parameters, switches the servos on and turns all wheels at a speed."""
     assert engine.api.StartCommunication(60000) == 0
@@ -59,96 +52,87 @@ def drive_on(engine: MotionEngine, speed_mps: float) -> None:
     assert engine.core_motion.velocity.StartVel(4, [Velocity_VelCommand(axis, profile) for axis in DRIVE_AXES]) == 0
 
 
-@pytest.fixture
-def world(start: Callable[..., NodeProcess], peer: Peer) -> NodeProcess:
-    return start("sim_world", *option(world="flat"))
+@pytest.fixture(scope="module")
+def world(shared_start: Start) -> NodeProcess:
+    return shared_start("sim_world", *option(world="flat"))
 
 
-def test_topics_have_their_rates_and_contents(world: NodeProcess, peer: Peer) -> None:
-    imu, truth = peer.listen(topics.IMU), peer.listen(topics.SIM_GROUND_TRUTH)
-    joints, battery = peer.listen(topics.SIM_JOINT_STATES), peer.listen(topics.BATTERY_STATE)
-    mounting, clock = peer.listen(topics.TF_STATIC), peer.listen(topics.CLOCK)
-    wait_for(lambda: len(battery.items) >= 3, "three battery readings")
-    # Waits for the rate, because a machine that pauses drops simulated time.
-    for heard, wanted_hz in ((imu, 100.0), (truth, 50.0), (joints, 50.0)):
-        wait_for(
-            lambda heard=heard, wanted_hz=wanted_hz: rate_hz(heard, 1.5) == pytest.approx(wanted_hz, rel=0.03),
-            f"{wanted_hz} Hz",
-        )
+@pytest.fixture(scope="module")
+def listener(shared_peer: Peer, world: NodeProcess) -> Peer:
+    return shared_peer
+
+
+def test_contents_of_the_topics_and_their_stamps(listener: Peer) -> None:
+    """Their rates: tests/simulated/test_graph.py."""
+    truth, diagnostics = listener.listen(topics.SIM_GROUND_TRUTH), listener.listen(topics.DIAGNOSTICS)
+    joints, battery = listener.listen(topics.SIM_JOINT_STATES), listener.listen(topics.BATTERY_STATE)
+    mounting, clock = listener.listen(topics.TF_STATIC), listener.listen(topics.CLOCK)
+    imu = listener.listen(topics.IMU)
+    for heard in (imu, truth, joints, battery):
+        wait_for(lambda heard=heard: heard.items, "messages")
     assert imu.last.header.frame_id == "imu"
     assert imu.last.linear_acceleration.z == pytest.approx(9.81, abs=0.3)
+    assert abs(time_to_s(imu.last.header.stamp) - time.time()) < 30.0, "those of the system clock"
     assert (truth.last.header.frame_id, truth.last.child_frame_id) == ("map", "base_link")
     assert list(joints.last.name) == list(JOINTS)
     assert battery.last.present
     assert 40.0 < battery.last.voltage < 56.0
     transform = mounting.wait(lambda message: message.transforms, "mounting").transforms[0]
     assert (transform.header.frame_id, transform.child_frame_id) == ("base_link", "imu")
+
+    def values(message: Any) -> dict[str, str]:
+        return {item.key: item.value for item in message.status[0].values}
+
+    seen = diagnostics.wait(lambda message: "sim_speed" in values(message), "the pace")
+    assert {"overruns", "dropped_s", "worst_lag_ms"} <= values(seen).keys()
     assert clock.items == [], "at real time the system clock is the clock"
 
 
-def test_stamps_are_those_of_the_system_clock_and_young(world: NodeProcess, peer: Peer) -> None:
-    ages: list[float] = []
-    imu = peer.listen(
-        topics.IMU,
-        lambda message: ages.append(peer.node.get_clock().now().nanoseconds * 1e-9 - time_to_s(message.header.stamp)),
-    )
-    wait_for(lambda: len(imu.items) >= 100, "samples")
-    assert 0.0 < float(np.median(ages)) < 0.02
-
-
-def test_the_engine_moves_the_robot_and_the_drives_stop_it_when_the_engine_stalls(
-    world: NodeProcess, peer: Peer
-) -> None:
-    truth = peer.listen(topics.SIM_GROUND_TRUTH)
+def test_the_engine_moves_the_robot_and_the_drives_stop_it_when_the_engine_stalls(listener: Peer) -> None:
+    truth = listener.listen(topics.SIM_GROUND_TRUTH)
     truth.wait(lambda message: True, "ground truth")
     with connect("test") as engine:
         drive_on(engine, 0.5)
         truth.wait(lambda message: message.twist.twist.linear.x > 0.45, "the robot drives")
-        assert inject(peer, "engine_stall", duration_s=2.0).success
+        assert inject(listener, "engine_stall", duration_s=2.0).success
         truth.wait(lambda message: abs(message.twist.twist.linear.x) < 0.01, "the drives stopped by themselves")
 
 
-def test_the_estop_bit_reaches_the_engines_clients(world: NodeProcess, peer: Peer) -> None:
+def test_the_estop_bit_reaches_the_engines_clients(listener: Peer) -> None:
     byte, bit = ROBOT.estop_input_byte, ROBOT.estop_input_bit
     with connect("test") as engine:
         assert engine.api.StartCommunication(60000) == 0
         wait_for(lambda: engine.read_status()[1].input_bit(byte, bit), "a released button")
-        assert inject(peer, "estop_button", value=1.0).message == "emergency stop button pressed"
+        assert inject(listener, "estop_button", value=1.0).message == "emergency stop button pressed"
         wait_for(lambda: not engine.read_status()[1].input_bit(byte, bit), "a pressed button")
 
 
-def test_faults_are_answered(world: NodeProcess, peer: Peer) -> None:
-    unknown = inject(peer, "meteor")
+def test_faults_are_answered_and_a_silent_imu_is_reported_by_its_driver(listener: Peer) -> None:
+    imu, diagnostics = listener.listen(topics.IMU), listener.listen(topics.DIAGNOSTICS)
+    imu.wait(lambda message: True, "samples")
+    unknown = inject(listener, "meteor")
     assert not unknown.success
     assert unknown.message.startswith("no fault 'meteor'; there are drive_alarm")
-    assert not inject(peer, "drive_alarm", "fl_wheel").success
-    assert inject(peer, "imu_silent").success
-    assert inject(peer, "clear").message == "cleared imu_silent"
-
-
-def test_silent_imu_publishes_nothing_and_driver_reports_it(world: NodeProcess, peer: Peer) -> None:
-    imu, diagnostics = peer.listen(topics.IMU), peer.listen(topics.DIAGNOSTICS)
-    imu.wait(lambda message: True, "samples")
-    assert inject(peer, "imu_silent").success
+    assert not inject(listener, "drive_alarm", "fl_wheel").success
+    assert inject(listener, "imu_silent").success
     count = len(imu.items)
     diagnostics.wait(
         lambda message: message.status[0].name == "imu_driver" and "sends nothing" in message.status[0].message,
         "the driver's complaint",
     )
     assert len(imu.items) <= count + 1
+    assert "imu_silent" in inject(listener, "clear").message
 
 
-def test_pace_is_shown_in_diagnostics(world: NodeProcess, peer: Peer) -> None:
-    diagnostics = peer.listen(topics.DIAGNOSTICS)
-
-    def values(message: object) -> dict[str, str]:
-        return {item.key: item.value for item in message.status[0].values}  # type: ignore[attr-defined]
-
-    seen = diagnostics.wait(lambda message: "sim_speed" in values(message), "the pace")
-    assert {"overruns", "dropped_s", "worst_lag_ms"} <= values(seen).keys()
+def test_a_second_world_is_refused(world: NodeProcess, listener: Peer, shared_start: Start) -> None:
+    listener.listen(topics.SIM_GROUND_TRUTH).wait(lambda message: True, "ground truth")
+    second = shared_start("sim_world")
+    assert second.wait() == 2
+    assert "already running" in second.output()
+    assert world.running()
 
 
-def test_simulated_clock_keeps_its_step_at_other_speeds(start: Callable[..., NodeProcess], peer: Peer) -> None:
+def test_simulated_clock_keeps_its_step_at_other_speeds(start: Start, peer: Peer) -> None:
     start("sim_world", *option(world="flat"), *option(speed=3.0), *option(use_sim_time=True))
     clock, truth = peer.listen(topics.CLOCK), peer.listen(topics.SIM_GROUND_TRUTH)
     wait_for(lambda: len(clock.items) > 500, "five seconds of simulated time")
@@ -168,9 +152,7 @@ def places(message: TFMessage) -> dict[str, tuple[float, float, float]]:
     return found
 
 
-def test_bodies_are_robot_chair_stations_and_people_with_the_stamp_of_the_truth(
-    start: Callable[..., NodeProcess], peer: Peer
-) -> None:
+def test_bodies_are_robot_chair_stations_and_people_with_the_stamp_of_the_truth(start: Start, peer: Peer) -> None:
     chair = {"wheelchair_x_m": 3.0, "wheelchair_y_m": -1.0, "wheelchair_yaw_rad": 0.5}
     start("sim_world", *option(world="yard", **chair))
     truth, bodies = peer.listen(topics.SIM_GROUND_TRUTH), peer.listen(topics.SIM_BODIES)
@@ -193,7 +175,7 @@ def test_bodies_are_robot_chair_stations_and_people_with_the_stamp_of_the_truth(
     assert len(mine) > 0.7 * len(truth.messages)
 
 
-def test_start_pose_and_chair_are_parameters(start: Callable[..., NodeProcess], peer: Peer) -> None:
+def test_start_pose_and_chair_are_parameters(start: Start, peer: Peer) -> None:
     options = {"world": "flat", "start_x_m": 2.0, "start_y_m": -1.0, "start_yaw_rad": 1.5, "attached_at_start": "true"}
     start("sim_world", *option(**options))
     truth, bodies = peer.listen(topics.SIM_GROUND_TRUTH), peer.listen(topics.SIM_BODIES)
@@ -212,9 +194,10 @@ def test_start_pose_and_chair_are_parameters(start: Callable[..., NodeProcess], 
         ("world:=moon", "no world 'moon'"),
         ("wheelchair_x_m:=1.0", "are given together or not at all"),
         ("wrold:=flat", "wrold: is not a known parameter"),
+        ("passenger_mass_kg:=500.0", "passenger_mass_kg must be in 0..120"),
     ],
 )
-def test_wrong_parameters_are_one_clear_line(start: Callable[..., NodeProcess], setting: str, message: str) -> None:
+def test_wrong_parameters_are_one_clear_line(start: Start, setting: str, message: str) -> None:
     process = start("sim_world", "-p", f"sim_world:{setting}")
     assert process.wait() == 2
     errors = [line for line in process.output().splitlines() if line.startswith("error:")]
@@ -222,26 +205,12 @@ def test_wrong_parameters_are_one_clear_line(start: Callable[..., NodeProcess], 
     assert message in errors[0]
 
 
-def test_a_passenger_too_heavy_is_refused(start: Callable[..., NodeProcess]) -> None:
-    process = start("sim_world", *option(passenger_mass_kg=500.0))
-    assert process.wait() == 2
-    assert "passenger_mass_kg must be in 0..120" in process.output()
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_ends_it_and_leaves_nothing(world: NodeProcess, peer: Peer, number: signal.Signals) -> None:
+def test_a_signal_ends_it_and_leaves_nothing(start: Start, peer: Peer) -> None:
+    world = start("sim_world", *option(world="flat"))
     peer.listen(topics.SIM_GROUND_TRUTH).wait(lambda message: True, "ground truth")
-    folder = Path(os.environ["ROBOT_STACK_RUNTIME_DIR"])
-    assert (folder / "engine.sock").exists()
-    world.signal(number)
+    socket = runtime_dir() / "engine.sock"
+    assert socket.exists()
+    world.signal(signal.SIGTERM)
     assert world.wait() == 0
-    assert not (folder / "engine.sock").exists()
+    assert not socket.exists()
     assert "Traceback" not in world.output()
-
-
-def test_a_second_world_is_refused(world: NodeProcess, start: Callable[..., NodeProcess], peer: Peer) -> None:
-    peer.listen(topics.SIM_GROUND_TRUTH).wait(lambda message: True, "ground truth")
-    second = start("sim_world")
-    assert second.wait() == 2
-    assert "already running" in second.output()
-    assert world.running()

@@ -5,12 +5,13 @@ from __future__ import annotations
 import http.client
 import json
 import random
+import shutil
 import signal
 import socket
 import ssl
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
@@ -30,13 +31,13 @@ from websockets.typing import Origin
 from custom_msgs.msg import MissionStatus, SafetyStatus, UICommand
 from robot_stack.contract import topics
 from robot_stack.core.point_cloud import Points
-from robot_stack.core.runtime import touch_screen_url
+from robot_stack.core.runtime import runtime_dir, touch_screen_url
 from robot_stack.middleware.point_cloud import cloud_message
 from robot_stack.ui import frames
 from robot_stack.ui.pin import hash_pin
 from robot_stack.ui.protocol import Layer
 from tests.support.fake_safety import FakeSafety
-from tests.support.processes import NodeProcess
+from tests.support.processes import Start
 from tests.support.ui_page import PIN, WebPage, web_page
 from tests.support.waiting import wait_for
 from tests.unit.ui.test_protocol import GOOD, mutate
@@ -44,14 +45,11 @@ from tests.unit.ui.test_protocol import GOOD, mutate
 if TYPE_CHECKING:
     from tests.support.peer import Heard, Peer
 
-Start = Callable[..., NodeProcess]
-
 
 class TouchScreen:
     """The node, its port, and its messages to the robot."""
 
     def __init__(self, start: Start, peer: Peer, *arguments: str) -> None:
-        self.peer = peer
         self.stops: Heard = peer.listen(topics.EMERGENCY_STOP)
         self.commands: Heard = peer.listen(topics.UI_COMMAND)
         self.teleop: Heard = peer.listen(topics.TELEOP_CMD_VEL)
@@ -63,29 +61,44 @@ class TouchScreen:
         self.process.wait_output("serving http")
         self.port = int(self.process.output().split("serving http")[1].split("/")[2].split(":")[1])
 
-    def matched(self) -> TouchScreen:
+        rows = (topics.EMERGENCY_STOP, topics.UI_COMMAND, topics.TELEOP_CMD_VEL, topics.GOAL_POSE, topics.INITIAL_POSE)
+
         def all_there() -> bool:
-            rows = (
-                topics.EMERGENCY_STOP,
-                topics.UI_COMMAND,
-                topics.TELEOP_CMD_VEL,
-                topics.GOAL_POSE,
-                topics.INITIAL_POSE,
-            )
-            named = [{item.node_name for item in self.peer.node.get_publishers_info_by_topic(row.name)} for row in rows]
+            named = [{item.node_name for item in peer.node.get_publishers_info_by_topic(row.name)} for row in rows]
             return all("touch_ui" in nodes for nodes in named)
 
         wait_for(all_there, "the node's publishers")
-        return self
 
-    def said_nothing(self) -> bool:
-        heard = (self.stops, self.commands, self.teleop, self.poses, self.goals)
-        return not any(item.items for item in heard)
+    @property
+    def heard(self) -> tuple[Heard, ...]:
+        return (self.stops, self.commands, self.teleop, self.poses, self.goals)
+
+
+@pytest.fixture(scope="module")
+def shared_screen(shared_start: Start, shared_peer: Peer) -> TouchScreen:
+    return TouchScreen(shared_start, shared_peer)
 
 
 @pytest.fixture
-def screen(start: Start, peer: Peer) -> TouchScreen:
-    return TouchScreen(start, peer).matched()
+def screen(shared_screen: TouchScreen) -> TouchScreen:
+    """Has received nothing yet, and is not pressed."""
+    with web_page(shared_screen.port) as page:
+        if any(message.data for message in shared_screen.stops.messages[-1:]):
+            page.log_in().ask("reset")
+            shared_screen.stops.wait(lambda message: not message.data, "the release")
+    for heard in shared_screen.heard:
+        heard.items.clear()
+    return shared_screen
+
+
+@pytest.fixture
+def robot(screen: TouchScreen) -> Iterator[Peer]:
+    """The other nodes of the robot."""
+    from tests.support.peer import Peer
+
+    made = Peer("robot")
+    yield made
+    made.close()
 
 
 @pytest.fixture
@@ -115,16 +128,16 @@ def test_every_command_of_a_rider(screen: TouchScreen, rider: WebPage) -> None:
     rider.wait("staff", "called", True)
 
 
-def test_staff_can_clear_stop_of_gone_source(screen: TouchScreen, rider: WebPage, peer: Peer) -> None:
-    safety = FakeSafety(peer)
-    rider.wait("safety", "emergency", False)
+def test_staff_can_clear_stop_of_gone_source(screen: TouchScreen, rider: WebPage, robot: Peer) -> None:
+    safety = FakeSafety(robot)
+    rider.wait("safety", "state", "NORMAL")
     assert rider.ask("clear_stop", source="panel")["why"] == "answer.needs_staff"
     rider.log_in()
-    assert rider.ask("clear_stop", source="panel")["ok"]
+    wait_for(lambda: rider.ask("clear_stop", source="panel")["ok"], "the safety monitor's service")
     safety.uncleared = "refused: ui is running and reports that it is pressed: release it there"
     refused = rider.ask("clear_stop", source="ui")
     assert (refused["ok"], refused["detail"]) == (False, safety.uncleared)
-    assert safety.cleared == ["panel", "ui"]
+    assert safety.cleared[-2:] == ["panel", "ui"]
     assert screen.stops.items == []  # a clear neither stops nor releases
 
 
@@ -141,14 +154,14 @@ def test_a_finger_drives_and_a_page_that_vanishes_stops(screen: TouchScreen) -> 
     screen.teleop.wait(lambda message: message.twist.linear.x == 0.0, "standstill")
 
 
-def test_page_receives_state_updates_and_only_changes(screen: TouchScreen, rider: WebPage, peer: Peer) -> None:
+def test_page_receives_state_updates_and_only_changes(screen: TouchScreen, rider: WebPage, robot: Peer) -> None:
     rider.wait("stand", "reasons", ["NO_SAFETY"])
     safety = SafetyStatus(safety_state="DEGRADED", active_faults=["BATTERY_LOW"], min_obstacle_distance=2.0)
-    peer.repeat(topics.SAFETY_STATUS, lambda: safety, 10.0)
-    peer.publish(topics.MISSION_STATUS, MissionStatus(state="RUNNING", mission_id="tour", eta_s=61.0, progress=0.5))
+    robot.repeat(topics.SAFETY_STATUS, lambda: safety, 10.0)
+    robot.publish(topics.MISSION_STATUS, MissionStatus(state="RUNNING", mission_id="tour", eta_s=61.0, progress=0.5))
     pose = PoseStamped()
     pose.pose.position.x, pose.pose.orientation.w = 3.0, 1.0
-    peer.repeat(topics.CURRENT_POSE, lambda: pose, 10.0)
+    robot.repeat(topics.CURRENT_POSE, lambda: pose, 10.0)
     rider.wait("ride", "eta_s", 75)
     rider.wait("place", "pose", [3.0, 0.0, 0.0])
     rider.wait("safety", "state", "DEGRADED")
@@ -159,7 +172,7 @@ def test_page_receives_state_updates_and_only_changes(screen: TouchScreen, rider
     for name in {name for _, told in rider.told for name in told}:  # only changes are sent
         values = [told[name] for _, told in rider.told if name in told]
         assert all(before != after for before, after in pairwise(values)), name
-    peer.silence(topics.SAFETY_STATUS)
+    robot.silence(topics.SAFETY_STATUS)
     rider.wait("stand", "reasons", ["NO_SAFETY"])
 
 
@@ -168,7 +181,7 @@ def _cloud() -> Any:
     return cloud_message(points, "base_link")
 
 
-def test_heavy_data_come_only_while_a_page_shows_them(screen: TouchScreen, staff: WebPage, peer: Peer) -> None:
+def test_heavy_data_come_only_while_a_page_shows_them(screen: TouchScreen, staff: WebPage, robot: Peer) -> None:
     pose, odom = PoseStamped(), Odometry()
     pose.pose.orientation.w = odom.pose.pose.orientation.w = 1.0
     grid = OccupancyGrid(data=[0] * 12)
@@ -182,10 +195,10 @@ def test_heavy_data_come_only_while_a_page_shows_them(screen: TouchScreen, staff
         (topics.OBSTACLES, _cloud(), 20.0),
         (topics.FRONT_IMAGE, image, 10.0),
     ):
-        peer.repeat(row, lambda message=message: message, rate_hz)
+        robot.repeat(row, lambda message=message: message, rate_hz)
 
     def listeners(row: Any) -> int:
-        return int(peer.publisher(row).get_subscription_count())
+        return int(robot.publisher(row).get_subscription_count())
 
     heavy = {
         Layer.COSTMAP: topics.LOCAL_COSTMAP,
@@ -210,10 +223,10 @@ def test_heavy_data_come_only_while_a_page_shows_them(screen: TouchScreen, staff
     wait_for(lambda: listeners(topics.LOCAL_COSTMAP) == 1, "a listener again")
 
 
-def test_diagnostics_history_and_recordings(screen: TouchScreen, staff: WebPage, peer: Peer) -> None:
+def test_diagnostics_history_and_recordings(screen: TouchScreen, staff: WebPage, robot: Peer) -> None:
     values = [KeyValue(key="input /odom", value="received=12 rate_hz=50.0 age_s=0.01 fresh=True")]
     status = DiagnosticStatus(name="navigation_controller", level=DiagnosticStatus.OK, message="well", values=values)
-    peer.repeat(topics.DIAGNOSTICS, lambda: DiagnosticArray(status=[status]), 2.0)
+    robot.repeat(topics.DIAGNOSTICS, lambda: DiagnosticArray(status=[status]), 2.0)
     staff.say("show", layers=["diagnostics", "history", "recordings", "events"])
 
     def odom() -> bool:
@@ -229,17 +242,19 @@ def test_diagnostics_history_and_recordings(screen: TouchScreen, staff: WebPage,
     assert staff.ask("show", layers=["history"])["why"] == "answer.needs_staff"
 
 
-def test_operator_actions_are_on_record(screen: TouchScreen, staff: WebPage, tmp_path: Path) -> None:
-    staff.ask("start", mission="tour")
-    staff.ask("goal", x=1.0, y=2.0, yaw=0.0)
-    assert not staff.ask("login", pin="1111")["ok"]
-    staff.say("stop")
+def test_operator_actions_are_on_record(start: Start, peer: Peer, tmp_path: Path) -> None:
+    with web_page(TouchScreen(start, peer).port) as page:
+        staff = page.log_in()
+        staff.ask("start", mission="tour")
+        staff.ask("goal", x=1.0, y=2.0, yaw=0.0)
+        assert not staff.ask("login", pin="1111")["ok"]
+        staff.say("stop")
 
-    def lines() -> list[dict[str, str]]:
-        logs = list((tmp_path / "state").rglob("touch_ui_audit.jsonl"))
-        return [json.loads(text) for log in logs for text in log.read_text().splitlines()]
+        def lines() -> list[dict[str, str]]:
+            logs = list((tmp_path / "state").rglob("touch_ui_audit.jsonl"))
+            return [json.loads(text) for log in logs for text in log.read_text().splitlines()]
 
-    wait_for(lambda: lines() and lines()[-1]["what"] == "emergency stop", "the record")
+        wait_for(lambda: lines() and lines()[-1]["what"] == "emergency stop", "the record")
     assert [(item["what"], item["outcome"]) for item in lines()] == [
         ("staff PIN", "ok"),
         ("start mission tour", "ok"),
@@ -274,11 +289,13 @@ def test_the_longest_mission_fits_and_only_from_staff(staff: WebPage, rider: Web
     assert rider.ask("mission_delete", mission="tour", revision="")["why"] == "answer.needs_staff"
 
 
-def test_mission_that_cannot_be_saved_is_reported(staff: WebPage, tmp_path: Path) -> None:
-    (tmp_path / "data").write_text("no folder can be made here")
+def test_mission_that_cannot_be_saved_is_reported(staff: WebPage, shared_folder: Path) -> None:
+    shutil.rmtree(shared_folder / "data", ignore_errors=True)
+    (shared_folder / "data").write_text("no folder can be made here")
     answer = saved(staff)
     assert answer["why"] == "answer.mission_not_saved"
     assert "Not a directory" in answer["detail"]
+    (shared_folder / "data").unlink()
 
 
 # --- hostile ---------------------------------------------------------------------------------------------------------
@@ -360,7 +377,7 @@ def test_hostile_pages_change_nothing_and_crash_nothing(screen: TouchScreen) -> 
         wait_for(lambda page=page: page.closed is not None, "a page that is closed for what it said")
         page.close()
         assert page.closed in (1008, 1009), page.closed
-    assert screen.said_nothing()
+    assert not any(heard.items for heard in screen.heard)
     with web_page(screen.port) as page:
         assert page.ask("call", on=True)["ok"]
     assert screen.process.running()
@@ -378,7 +395,8 @@ def test_a_flood_ends_with_the_page_and_others_go_on(screen: TouchScreen, rider:
     assert len(screen.commands.items) < 100
 
 
-def test_too_many_pages(screen: TouchScreen) -> None:
+def test_too_many_pages(start: Start, peer: Peer) -> None:
+    screen = TouchScreen(start, peer)
     pages = [WebPage(screen.port) for _ in range(8)]
     try:
         for page in pages:
@@ -399,6 +417,10 @@ def test_too_many_pages(screen: TouchScreen) -> None:
         (("-p", "server.address:='robot'"), "must be an IP address"),
         (("-p", "access.pin_hash:='2468'"), "access.pin_hash"),
         (("-p", "pages.map:='nowhere'"), "no map 'nowhere'"),
+        (
+            ("-p", "server.tls_certificate:=/nowhere.pem", "-p", "server.tls_key:=/nowhere.pem"),
+            "tls_certificate or tls_key cannot be used",
+        ),
     ],
 )
 def test_unsafe_server_configuration_is_rejected(start: Start, arguments: tuple[str, ...], said: str) -> None:
@@ -409,27 +431,25 @@ def test_unsafe_server_configuration_is_rejected(start: Start, arguments: tuple[
     assert said in errors[0]
 
 
-def test_a_port_that_is_taken_is_refused(
-    screen: TouchScreen, start: Start, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(tmp_path / "other"))
-    second = start("touch_ui", "-p", f"server.port:={screen.port}", "-p", "server.ports:=1", "-p", "pages.map:=''")
-    assert second.wait() == 2
-    third = start("touch_ui", "-p", f"server.port:={screen.port}", "-p", "pages.map:=''")
+def test_touch_screen_url_is_available_while_served_at_a_port_that_is_free(start: Start, peer: Peer) -> None:
+    screen = TouchScreen(start, peer)
+    assert touch_screen_url() == f"http://127.0.0.1:{screen.port}/"
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(runtime_dir() / "other"))
+        port = f"server.port:={screen.port}"
+        second = start("touch_ui", "-p", port, "-p", "server.ports:=1", "-p", "pages.map:=''")
+        assert second.wait() == 2
+        third = start("touch_ui", "-p", port, "-p", "pages.map:=''")
     third.wait_output("serving http")  # the next free one
     assert f":{screen.port}/" not in third.output()
     assert "cannot be served" in second.output()
-
-
-def test_touch_screen_url_is_available_while_served(screen: TouchScreen) -> None:
-    assert touch_screen_url() == f"http://127.0.0.1:{screen.port}/"
     screen.process.signal(signal.SIGTERM)
     assert screen.process.wait() == 0
     assert touch_screen_url() is None
 
 
-def test_an_emergency_stop_of_others_is_shown(screen: TouchScreen, rider: WebPage, peer: Peer) -> None:
-    peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
+def test_an_emergency_stop_of_others_is_shown(screen: TouchScreen, rider: WebPage, robot: Peer) -> None:
+    robot.publish(topics.EMERGENCY_STOP, Bool(data=True))
     rider.wait("safety", "emergency", True)
 
 
@@ -465,12 +485,6 @@ def test_beyond_this_machine_only_with_the_token_over_tls(start: Start, peer: Pe
         pass
     with connect(where, origin=origin, ssl=trust, additional_headers=sent) as socket:
         assert json.loads(socket.recv(20.0))["t"] == "state"
-
-
-def test_a_certificate_that_cannot_be_read_is_refused(start: Start) -> None:
-    process = start("touch_ui", "-p", "server.tls_certificate:=/nowhere.pem", "-p", "server.tls_key:=/nowhere.pem")
-    assert process.wait() == 2
-    assert "tls_certificate or tls_key cannot be used" in process.output()
 
 
 def test_a_connection_that_becomes_nothing_is_ended_and_a_page_is_not(start: Start, peer: Peer) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ from sensor_msgs.msg import JointState, PointCloud2, PointField
 from std_msgs.msg import Bool
 
 from robot_stack.contract import topics
-from tests.support.processes import NodeProcess
+from tests.support.processes import Start
 from tests.support.waiting import wait_for
 
 if TYPE_CHECKING:
@@ -36,7 +35,7 @@ def _cloud(sequence: int) -> PointCloud2:
     return message
 
 
-def test_all_clouds_reach_three_processes(start: Callable[..., NodeProcess], peer: Peer) -> None:
+def test_all_clouds_reach_three_processes(start: Start, peer: Peer) -> None:
     subscribers = [start(f"counter{i}", command=[sys.executable, str(SUBSCRIBER), str(CLOUDS)]) for i in range(3)]
     peer.wait_matched(topics.LIDAR_POINTS, 3)
     for subscriber in subscribers:
@@ -50,7 +49,7 @@ def test_all_clouds_reach_three_processes(start: Callable[..., NodeProcess], pee
         assert subscriber.wait() == 0
 
 
-def test_an_emergency_stop_that_was_lost_is_repeated_at_once(start: Callable[..., NodeProcess], peer: Peer) -> None:
+def test_an_emergency_stop_that_was_lost_is_repeated_at_once(start: Start, peer: Peer) -> None:
     """By default Fast DDS repeats it after 2.3 to 3 s."""
     listener = start("listener", command=[sys.executable, str(SCRIPTS / "stop_listener.py")])
     peer.wait_matched(topics.EMERGENCY_STOP)
@@ -67,9 +66,7 @@ def test_an_emergency_stop_that_was_lost_is_repeated_at_once(start: Callable[...
 
 
 @pytest.mark.parametrize(("name", "shared"), [("swerve_controller", False), ("perception_pipeline", True)])
-def test_only_processes_with_clouds_use_shared_memory(
-    start: Callable[..., NodeProcess], peer: Peer, name: str, shared: bool
-) -> None:
+def test_only_processes_with_clouds_use_shared_memory(start: Start, peer: Peer, name: str, shared: bool) -> None:
     """A process with shared memory stalls when another program starts, so processes that stop the wheels use none."""
     process = start(name)
     peer.wait_matched(topics.EMERGENCY_STOP if name == "swerve_controller" else topics.LIDAR_POINTS)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 import pytest
@@ -13,10 +13,9 @@ from robot_stack.contract import topics
 from robot_stack.core.point_cloud import SWEEP, xyz_of
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.middleware.point_cloud import points_of
-from tests.nodes.test_point_cloud_adapter import says
 from tests.support.devices.velodyne import PACKET_S, Vlp16
-from tests.support.peer import Peer
-from tests.support.processes import NodeProcess
+from tests.support.peer import Peer, says
+from tests.support.processes import Start
 from tests.support.udp_lidar import UdpLidar
 from tests.support.waiting import wait_for
 
@@ -44,7 +43,7 @@ def lidar() -> Iterator[UdpLidar]:
     lidar.close()
 
 
-def test_sweeps_corrupt_packets_and_silence(start: Callable[..., NodeProcess], peer: Peer, lidar: UdpLidar) -> None:
+def test_sweeps_corrupt_packets_and_silence(start: Start, peer: Peer, lidar: UdpLidar) -> None:
     sweeps, diagnostics = peer.listen(topics.LIDAR_POINTS), peer.listen(topics.DIAGNOSTICS)
     start(NAME, "-p", f"port:={lidar.port}", "-p", f"device_ip:={LIDAR_IP}", "-p", f"bind_address:={LIDAR_IP}")
     wait_for(lambda: len(sweeps.items) >= 5, "sweeps")
@@ -71,7 +70,7 @@ def test_sweeps_corrupt_packets_and_silence(start: Callable[..., NodeProcess], p
     assert (np.diff(stamps) > 0.0).all()
 
 
-def test_packets_of_others_are_not_taken(start: Callable[..., NodeProcess], peer: Peer, lidar: UdpLidar) -> None:
+def test_packets_of_others_are_not_taken(start: Start, peer: Peer, lidar: UdpLidar) -> None:
     sweeps, diagnostics = peer.listen(topics.LIDAR_POINTS), peer.listen(topics.DIAGNOSTICS)
     start(NAME, "-p", f"port:={lidar.port}", "-p", "device_ip:=192.168.1.201", "-p", f"bind_address:={LIDAR_IP}")
     values = wait_for(
@@ -83,7 +82,7 @@ def test_packets_of_others_are_not_taken(start: Callable[..., NodeProcess], peer
     assert not sweeps.items
 
 
-def test_foreign_bind_address_is_reported(start: Callable[..., NodeProcess]) -> None:
+def test_foreign_bind_address_is_reported(start: Start) -> None:
     process = start(NAME, "-p", "bind_address:=192.0.2.1")
     assert process.wait() == 2
     assert "192.0.2.1 port 2368: Cannot assign requested address" in process.output()

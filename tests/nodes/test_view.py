@@ -30,7 +30,7 @@ from robot_stack.contract.display import Display
 from robot_stack.contract.model import System, Topic
 from robot_stack.view.channels import MODEL, offered
 from tests.support.peer import Peer
-from tests.support.processes import NodeProcess
+from tests.support.processes import NodeProcess, Start
 from tests.support.waiting import wait_for
 
 COMMAND = [sys.executable, "-m", "robot_stack.cli", "view"]
@@ -100,7 +100,7 @@ class Viewer:
 
 
 @pytest.fixture
-def view(start: Callable[..., NodeProcess]) -> NodeProcess:
+def view(start: Start) -> NodeProcess:
     process = start("view", command=[*COMMAND, "--port", "0"])
     process.wait_output("Ctrl-C ends it")
     return process
@@ -183,33 +183,26 @@ def test_images_are_transmitted_unchanged(peer: Peer, viewer: Callable[[], Viewe
     assert one.heard(row.name)[0] == image
 
 
-def test_second_viewer_receives_latched_message_and_stays_subscribed(peer: Peer, viewer: Callable[[], Viewer]) -> None:
+def test_viewers_share_a_subscription_and_the_latched_message(peer: Peer, viewer: Callable[[], Viewer]) -> None:
     row = topics.PASSENGER_ATTACHED
     peer.publish(row, YES)
     one, two = viewer(), viewer()
-    one.look(row.name)
+    for watched in (row, topics.ODOM):
+        one.look(watched.name)
+        peer.wait_matched(watched)
     wait_for(lambda: one.heard(row.name), "the latched message")
     two.look(row.name)
     wait_for(lambda: two.heard(row.name), "the latched message for who came later")
     assert set(one.heard(row.name)) == set(two.heard(row.name)) == {YES}
-    one.vanish()
+    one.vanish()  # its own subscriptions end, the shared one stays
+    wait_for(lambda: subscribers(peer, topics.ODOM) == 0, "the end of the vanished viewer's subscription")
     peer.publish(row, NO)
     wait_for(lambda: NO in two.heard(row.name), "the next message")
     two.close()
     wait_for(lambda: subscribers(peer, row) == 0, "the subscription's end with its last viewer")
 
 
-def test_a_viewer_that_vanishes_leaves_no_subscription(peer: Peer, viewer: Callable[[], Viewer]) -> None:
-    one = viewer()
-    for row in (topics.ODOM, topics.IMU):
-        one.look(row.name)
-        peer.wait_matched(row)
-    one.vanish()
-    for row in (topics.ODOM, topics.IMU):
-        wait_for(lambda row=row: subscribers(peer, row) == 0, f"the end of {row.name}")
-
-
-def test_the_model_follows_joints_and_passenger(peer: Peer, viewer: Callable[[], Viewer]) -> None:
+def test_the_model_follows_joints_passenger_and_external_display(peer: Peer, viewer: Callable[[], Viewer]) -> None:
     one = viewer()
     one.look(MODEL)
     peer.wait_matched(topics.JOINT_STATES)
@@ -223,21 +216,13 @@ def test_the_model_follows_joints_and_passenger(peer: Peer, viewer: Callable[[],
     assert one.heard("/joint_states") == []
     peer.publish(topics.PASSENGER_ATTACHED, Bool(data=True))
     wait_for(lambda: b"wheelchair" in one.heard(MODEL)[-1], "the wheelchair")
-    one.look_away(MODEL)
-    wait_for(lambda: subscribers(peer, topics.JOINT_STATES) == 0, "the end of /joint_states")
-
-
-def test_the_external_display_is_above_the_robot(peer: Peer, viewer: Callable[[], Viewer]) -> None:
-    one = viewer()
-    one.look(MODEL)
-    peer.wait_matched(topics.JOINT_STATES)
-    peer.wait_matched(topics.EHMI_STATUS)
-    peer.repeat(topics.JOINT_STATES, lambda: JointState(name=["fl_drive"], position=[0.0]), 20.0)
     status = EHMIStatus(linked=True, acknowledged_state=Display.EMERGENCY_STOP)
     peer.repeat(topics.EHMI_STATUS, lambda: status, 5.0)
-    wait_for(lambda: one.heard(MODEL) and b"Emergency stop" in one.heard(MODEL)[-1], "what the display shows")
+    wait_for(lambda: b"Emergency stop" in one.heard(MODEL)[-1], "what the external display shows")
     status.linked = False
-    wait_for(lambda: b"no answer" in one.heard(MODEL)[-1], "that nobody knows what it shows")
+    wait_for(lambda: b"no answer" in one.heard(MODEL)[-1], "the lost display")
+    one.look_away(MODEL)
+    wait_for(lambda: subscribers(peer, topics.JOINT_STATES) == 0, "the end of /joint_states")
 
 
 HOSTILE = (
@@ -303,7 +288,7 @@ def test_sigterm_ends_it_under_a_viewer(peer: Peer, view: NodeProcess, viewer: C
     assert view.wait() == 0
 
 
-def test_occupied_port_is_reported(view: NodeProcess, start: Callable[..., NodeProcess]) -> None:
+def test_occupied_port_is_reported(view: NodeProcess, start: Start) -> None:
     port = port_of(view)
     second = start("second", command=[*COMMAND, "--port", str(port)])
     assert second.wait() == 1

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import signal
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -24,7 +23,6 @@ from robot_stack.middleware.node import StackNode
 from robot_stack.ros.executor import LeanExecutor
 from robot_stack.ros.port import RosPort
 from tests.support.peer import Peer
-from tests.support.processes import NodeProcess
 from tests.support.waiting import wait_for
 
 
@@ -190,10 +188,3 @@ def test_a_subscription_that_has_ended_is_taken_no_more(ros_domain: int, peer: P
 
 def commands_in(subscriptions: Iterable[Any]) -> bool:
     return topics.CMD_VEL.name in [item.topic_name for item in subscriptions]
-
-
-def test_a_signal_ends_a_sleeping_node(start: Callable[..., NodeProcess], peer: Peer) -> None:
-    process = start("swerve_controller")
-    peer.wait_matched(topics.CMD_VEL)
-    process.signal(signal.SIGINT)
-    assert process.wait() == 0

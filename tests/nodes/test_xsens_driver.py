@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
@@ -15,9 +15,8 @@ from robot_stack.contract import topics
 from robot_stack.middleware.conversions import time_to_s
 from sim.devices.serial_line import SerialLine
 from sim.devices.xsens import Motion, Mti, frame
-from tests.nodes.test_point_cloud_adapter import says
-from tests.support.peer import Peer
-from tests.support.processes import NodeProcess
+from tests.support.peer import Peer, says
+from tests.support.processes import Start
 from tests.support.waiting import wait_for
 
 MOTION = Motion(rotation_radps=(0.0, 0.0, 0.25))
@@ -68,7 +67,7 @@ def device(ros_domain: int) -> Iterator[Device]:
     device.close()
 
 
-def test_samples_silence_and_a_pulled_cable(start: Callable[..., NodeProcess], peer: Peer, device: Device) -> None:
+def test_samples_silence_and_a_pulled_cable(start: Start, peer: Peer, device: Device) -> None:
     samples, diagnostics, mountings = (
         peer.listen(topics.IMU),
         peer.listen(topics.DIAGNOSTICS),
@@ -112,7 +111,7 @@ def test_samples_silence_and_a_pulled_cable(start: Callable[..., NodeProcess], p
     assert int(says(diagnostics, "xsens_driver", "samples arrive")["opened"].split()[0]) >= 2
 
 
-def test_missing_unit_outputs_are_reported(start: Callable[..., NodeProcess], peer: Peer, device: Device) -> None:
+def test_missing_unit_outputs_are_reported(start: Start, peer: Peer, device: Device) -> None:
     samples, diagnostics = peer.listen(topics.IMU), peer.listen(topics.DIAGNOSTICS)
     device.send = False
     device.plug()
