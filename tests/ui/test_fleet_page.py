@@ -187,28 +187,43 @@ def test_hostile_robots(browser: Any, broker: RunningBroker, served: Served) -> 
         assert answer["why"] == "fleet.not_online"
 
 
-@pytest.mark.parametrize("bind", [None, "127.0.0.1"])
-def test_the_page_needs_its_link_and_elsewhere_the_pin(browser: Any, tmp_path: Path, bind: str | None) -> None:
-    with running_broker(tmp_path / "site") as broker:
+@pytest.fixture(scope="module")
+def secured(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[RunningBroker, Peer]]:
+    """A broker that asks for certificates, and the robot F1 with an order."""
+    with running_broker(tmp_path_factory.mktemp("site")) as broker:
         topic = f"uagv/v2/{MAKER}/F1"
         robot = Peer(broker.params(broker.site.add_robot("F1")), "F1").connected().subscribe(f"{topic}/instantActions")
         state = {"orderId": "o-1", "nodeStates": [{"sequenceId": 2, "released": True}], "version": "2.1.0"}
-        with closing(Served(broker, broker.site.master(), bind, PIN)) as served:
-            robot.publish(f"{topic}/connection", '{"connectionState": "ONLINE"}', retain=True)
-            robot.publish(f"{topic}/state", json.dumps(state), retain=True)
-            context = browser.new_context(ignore_https_errors=True)
-            assert context.new_page().goto(served.url.partition("?")[0]).status == 403
-            context.close()
-            with opened(browser, served.url, "phone") as page:
-                page.click('[data-robot="F1"] > button')
-                page.click('[data-do="cancel"]')
-                if bind is not None:
-                    page.fill("input", "0000")
-                    page.click('[data-do="yes"]')
-                    page.wait_for_selector('[data-why="fleet.wrong_pin"]')
-                    page.fill("input", PIN)
-                page.click('[data-do="yes"]')
-                page.wait_for_selector('[data-cancel="sent"]')
-        sent = [json.loads(text) for text in robot.payloads(f"{topic}/instantActions")]
+        robot.publish(f"{topic}/connection", '{"connectionState": "ONLINE"}', retain=True)
+        robot.publish(f"{topic}/state", json.dumps(state), retain=True)
+        yield broker, robot
         robot.close()
-        assert [action["actionType"] for item in sent for action in item["actions"]].count("cancelOrder") == 1
+
+
+@pytest.mark.parametrize("bind", [None, "127.0.0.1"])
+def test_the_page_needs_its_link_and_elsewhere_the_pin(
+    browser: Any, secured: tuple[RunningBroker, Peer], bind: str | None
+) -> None:
+    broker, robot = secured
+    robot.received.clear()
+    with closing(Served(broker, broker.site.master(), bind, PIN)) as served:
+        context = browser.new_context(ignore_https_errors=True)
+        assert context.new_page().goto(served.url.partition("?")[0]).status == 403
+        context.close()
+        with opened(browser, served.url, "phone") as page:
+            page.click('[data-robot="F1"] > button')
+            page.click('[data-do="cancel"]')
+            if bind is not None:
+                page.fill("input", "0000")
+                page.click('[data-do="yes"]')
+                page.wait_for_selector('[data-why="fleet.wrong_pin"]')
+                page.fill("input", PIN)
+            page.click('[data-do="yes"]')
+            page.wait_for_selector('[data-cancel="sent"]')
+
+    def cancelled() -> int:
+        sent = [json.loads(text) for text in robot.payloads(f"uagv/v2/{MAKER}/F1/instantActions")]
+        return [action["actionType"] for item in sent for action in item["actions"]].count("cancelOrder")
+
+    wait_for(cancelled, "the cancellation")
+    assert cancelled() == 1

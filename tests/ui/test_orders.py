@@ -10,7 +10,7 @@ from tests.support.ui_robot import StandInRobot
 from tests.support.waiting import wait_for
 from tests.ui.conftest import unlock, until
 
-ADD, REMOVE, MOVE, HOLD, RELEASE, REPLACE = range(6)
+RELEASE, REPLACE = 4, 5
 
 
 def order(page: Any, mission: str, act: str = "order") -> None:
