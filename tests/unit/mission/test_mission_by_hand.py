@@ -7,7 +7,7 @@ import pytest
 from robot_stack.contract.display import Display
 from robot_stack.mission import events as ev
 
-from .conftest import DEPARTURE, TICK_S, DockStory
+from .conftest import DockStory
 
 
 @pytest.fixture
@@ -76,20 +76,6 @@ def test_after_a_mission_that_ended_badly_a_goal_drives_it_home(story, ended):
 def test_a_docking_by_hand(story, aboard, docking_state, setting_out, display):
     story.attach(aboard).given(docking_state=docking_state, setting_out=setting_out).tick()
     assert story.status.display == display
-
-
-def test_an_emergency_stop_wins(story):
-    story.given(planned=True, setting_out=True).emergency(True).tick()
-    assert story.status.display == Display.EMERGENCY_STOP
-
-
-def test_departure_warning_countdown_is_published(story):
-    """This prevents a second warning by navigation."""
-    story.start("park")
-    assert story.warnings[0] == pytest.approx(DEPARTURE.warning_s)
-    assert story.warnings[-1] == 0.0
-    assert story.warnings == sorted(story.warnings, reverse=True)
-    assert len(story.warnings) == pytest.approx(DEPARTURE.warning_s / TICK_S, abs=2)
 
 
 def test_docking_that_warns_within_a_mission_shows(story):

@@ -49,23 +49,6 @@ def test_the_way_home_ends_with_docking_to_the_charger(story):
     assert (story.state, story.queues[-1].held_by) == (State.COMPLETED, HeldBy.RESTART), "nothing moves by itself"
 
 
-def test_a_robot_that_ends_its_route_near_the_charger_docks_too(story):
-    ride(story, "park", home=(2.0, 0.1, 0.0)).given(battery=0.2).reach(2.0)
-    assert (story.state, story.status.current_waypoint) == (State.RUNNING, "home")
-
-
-def test_no_charge_fails_the_mission_with_the_reason(story):
-    ride(story, "park").given(battery=0.2).reach(2.0).arrive(HOME[0]).tick().accept()
-    story.ends(False, "the battery is not charged within 10 s")
-    assert story.state is State.FAILED
-    assert story.status.reason == "docking to charger failed: the battery is not charged within 10 s"
-
-
-def test_a_passenger_is_not_driven_to_the_charger(story):
-    ride(story.attach(), "park").given(battery=0.2).reach(2.0)
-    assert (story.state, story.calls()) == (State.COMPLETED, [])
-
-
 @pytest.mark.parametrize("dock", ["chair_1", "nowhere"])
 def test_a_home_that_is_no_charger_is_refused(story, dock):
     story.command(ev.START_MISSION, make_mission("park", charger=dock))
@@ -127,22 +110,6 @@ def test_a_wheelchair_that_latches_at_the_start_is_not_undocked(story):
     assert (story.state, story.calls(), story.goal.x) == (State.RUNNING, [], 2.0)
 
 
-def test_a_robot_that_charges_while_the_docking_controller_starts_stays(story):
-    story.given(docking_state="", charging=True).tick(60.0)
-    story.happens(ev.Command(ev.START_MISSION, make_mission("park"))).tick(5.0)
-    assert (story.state, story.goals(), story.calls()) == (State.UNDOCKING, [], [])
-    story.given(docking_state="IDLE").tick(5.0)
-    assert story.calls() == [("undock", "")]
-    story.ends(False, "nothing is attached").tick(60.0)
-    assert (story.state, story.goals()) == (State.FAILED, [])
-
-
-def test_a_drive_that_brakes_and_charges_the_battery_is_at_no_charger(story):
-    story.start("park").at(1.0, speed=0.5).tick(1.0).command(ev.PAUSE).at(1.1).given(charging=True).tick()
-    story.command(ev.RESUME)
-    assert (story.state, story.calls()) == (State.RUNNING, [])
-
-
 # --- the battery becomes critical ------------------------------------------------------------------------------------
 
 
@@ -168,11 +135,6 @@ def test_at_the_charger_a_person_lets_the_interrupted_mission_go_on(story):
     assert story.finishes().state is State.COMPLETED
 
 
-def test_on_the_way_home_it_ends_the_mission_at_the_charger(story):
-    ride(story, "park").given(battery=0.2).reach(2.0).given(faults=CRITICAL).tick()
-    assert docks(story).state is State.COMPLETED
-
-
 # --- a passenger and a low battery -----------------------------------------------------------------------------------
 
 
@@ -190,8 +152,3 @@ def test_with_a_low_battery_a_passenger_is_driven_to_where_the_carriage_ends(sto
     story.attach().given(**inputs).start(*actions)
     assert story.state is (State.RUNNING if starts else State.IDLE)
     assert starts or "no new mission" in story.status.reason or "a new mission needs" in story.status.reason
-
-
-def test_without_a_passenger_no_mission_starts_on_a_low_battery(story):
-    story.given(battery=0.2).start("park")
-    assert story.state is State.IDLE

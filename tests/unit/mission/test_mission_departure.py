@@ -10,7 +10,6 @@ from robot_stack.contract.display import Display
 from robot_stack.core.departure import Departure
 from robot_stack.core.geometry import Twist2
 from robot_stack.mission import events as ev
-from robot_stack.mission.record import Record
 from robot_stack.mission.states import State
 
 from .conftest import DEPARTURE, STILL, TICK_S, DockStory, Story, make_mission
@@ -58,23 +57,11 @@ def test_a_mission_sets_out_two_seconds_after_its_start(story):
     assert story.tick().status.reason == ""
 
 
-def test_mission_is_journaled_before_departure_warning(story):
-    begin(story, "park")
-    assert story.journal.records[-1].state is State.RUNNING
-
-
 def test_a_pause_within_the_warning_takes_it_back_and_resume_warns_in_full(story):
     begin(story, "park").tick(1.5).happens(ev.Command(ev.PAUSE))
     assert (story.state, story.goal) == (State.PAUSED, None)
     story.tick(1.0).happens(ev.Command(ev.RESUME))
     assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
-
-
-def test_an_emergency_stop_within_the_warning(story):
-    begin(story, "park").tick(1.0).emergency(True)
-    assert (story.state, story.goal, story.status.display) == (State.STOPPED, None, Display.EMERGENCY_STOP)
-    story.tick(3.0)
-    assert story.goals() == []
 
 
 @pytest.mark.parametrize(("stood_s", "warning_s"), [(8.0, 0.0), (12.0, 2.0)])
@@ -118,30 +105,6 @@ def test_obstacle_during_departure_warning_restarts_warning(story):
     assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
 
 
-def test_a_robot_that_stands_without_a_known_reason_is_warned_of_too(story):
-    """Navigation may be waiting for a person to step aside: driving off afterwards requires a warning."""
-    story.start("park").at(0.5, speed=0.5).tick().at(0.5).clear()
-    story.tick(10.5)
-    assert story.log == ["cancel"]
-    assert warned(story) < 2.0 + TICK_S
-    assert story.goals() == [2.0]
-
-
-def test_a_navigation_controller_that_comes_back_late_gets_its_goal_after_a_warning(story):
-    story.start("park").given(navigation_served=False).loses_goal().tick(12.0)
-    assert story.status.reason == "waiting for navigation_controller"
-    story.clear().goal = None
-    story.given(navigation_served=True)
-    assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
-
-
-def test_manual_motion_while_paused_ends_long_stop(story):
-    story.start("park").command(ev.PAUSE).tick(20.0)
-    story.at(1.0, speed=0.5).tick().at(1.0).tick().happens(ev.Command(ev.RESUME))
-    assert story.goals()[-1] == 2.0
-    assert story.goal is not None
-
-
 def test_standstill_during_mission_displays_obstacle_then_warns_again(story):
     """A sound starts with a new display state, so the display must show another state before the warning."""
     story.start("park").at(0.5, speed=0.5).tick()
@@ -157,27 +120,7 @@ def test_standstill_during_mission_displays_obstacle_then_warns_again(story):
     assert "about to start: warning" in story.status.reason
 
 
-def test_missing_docking_controller_displays_obstacle(story):
-    story.start(DOCK).at(1.0, speed=0.5).tick().arrive(2.0).given(docking_served=False).tick(4.0)
-    assert story.status.display == Display.OBSTACLE
-    story.given(docking_served=True).tick().accept().feedback("APPROACH").tick(5.0)
-    assert story.status.display == Display.APPROACHING_CHAIR
-
-
 # --- docking ---------------------------------------------------------------------------------------------------------
-
-
-def test_docking_after_a_short_stop_begins_at_once(story):
-    story.start(DOCK).at(1.0, speed=0.5).tick().arrive(2.0)
-    assert warned(story) < 2 * TICK_S
-
-
-def test_docking_that_had_to_wait_is_warned_of(story):
-    story.start(DOCK).at(1.0, speed=0.5).tick().arrive(2.0).given(faults=("COLLISION_IMMINENT",)).tick(15.0)
-    assert story.call is None
-    story.given(faults=())
-    assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
-    assert story.calls() == [("dock", "chair_1")]
 
 
 def test_no_warning_while_the_docking_controller_is_not_there(story):
@@ -185,22 +128,6 @@ def test_no_warning_while_the_docking_controller_is_not_there(story):
     story.given(faults=(), docking_served=False).tick(5.0)
     assert "about to start: warning" not in story.status.reason
     story.given(docking_served=True)
-    assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
-
-
-@pytest.mark.parametrize(("kind", "aboard"), [("dock", False), ("undock", True)])
-def test_resume_of_a_docking_warns(story, kind, aboard):
-    action = DOCK if kind == "dock" else "undock"
-    story.attach(aboard).start(action).arrive(2.0).tick().accept()
-    call = story.called()
-    story.happens(ev.Command(ev.PAUSE)).ends(False, call=call).tick(20.0).happens(ev.Command(ev.RESUME))
-    assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
-    assert story.calls()[-1][0] == kind
-
-
-def test_a_restart_warns_on_resume(params):
-    story = Story(params, Record(State.RUNNING, make_mission("park")))
-    story.happens(ev.Command(ev.RESUME))
     assert warned(story) == pytest.approx(2.0, abs=2 * TICK_S)
 
 

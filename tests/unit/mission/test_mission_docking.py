@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from robot_stack.contract.display import Display
 from robot_stack.contract.states import HeldBy
-from robot_stack.core.geometry import Twist2
 from robot_stack.mission import events as ev
 from robot_stack.mission.orders import Operation
 from robot_stack.mission.record import Record, problem_of
-from robot_stack.mission.states import State
+from robot_stack.mission.states import AT_DOCK, State
 
 from .conftest import TICK_S, DockStory, make_mission
 
@@ -59,15 +56,6 @@ def test_the_main_job(story):
     assert len(story.calls()) == 2
 
 
-def test_docking_begins_at_the_waypoint_exactly_and_standing(story):
-    story.start(DOCK, "park").at(1.9).tick(1.0)
-    assert story.state is State.RUNNING
-    story.at(2.0, speed=0.1).tick(1.0)
-    assert story.state is State.RUNNING
-    story.reach(2.0)
-    assert story.state is State.DOCKING
-
-
 def test_docking_state_is_journaled_before_docking_goal_is_sent(story):
     order: list[str] = []
     story.start(DOCK, "park")
@@ -79,39 +67,16 @@ def test_docking_state_is_journaled_before_docking_goal_is_sent(story):
     assert order == ["cancel", "DOCKING", "dock"], "and navigation has no goal of its own meanwhile"
 
 
-def test_the_result_alone_is_not_enough_for_a_wheelchair(docking):
-    docking.ends(True).tick(1.0)
-    assert docking.state is State.DOCKING
-    assert docking.status.reason == "docking to chair_1: waiting for /passenger_attached"
-    docking.attach().tick()
-    assert docking.state is State.RUNNING
-
-
-def test_the_passenger_alone_is_not_enough_either(docking):
-    docking.attach().tick(1.0)
-    assert docking.state is State.DOCKING
-
-
-def test_a_success_without_a_passenger_fails(docking):
-    docking.ends(True).tick(docking.params.docking_confirm_s + TICK_S)
-    assert docking.state is State.FAILED
-    why = "docking to chair_1 failed: it succeeded, but /passenger_attached stayed false"
-    assert docking.status.reason == why
-
-
-def test_an_undocking_with_the_passenger_still_attached_fails(undocking):
-    undocking.ends(True).tick(undocking.params.docking_confirm_s + TICK_S)
-    assert undocking.state is State.FAILED
-    why = "undocking from chair_1 failed: it succeeded, but /passenger_attached stayed true"
-    assert undocking.status.reason == why
-
-
-def test_a_station_needs_no_passenger_and_is_left_where_the_robot_stands(story):
-    story.start(CHARGE, "undock", "park").reach(2.0).tick().accept().given(docking_state="DOCKED").ends(True)
-    story.tick(5.0)  # with its warning
-    assert (story.goals(), story.calls()[-1]) == ([2.0], ("undock", "charger"))
-    story.accept().given(docking_state="IDLE").ends(True).departs()
-    assert (story.state, story.goals()[-1]) == (State.RUNNING, 6.0)
+@pytest.mark.parametrize(("dock", "stayed"), [("docking", "false"), ("undocking", "true")])
+def test_a_success_needs_the_passenger_as_well(dock, stayed, request):
+    story = request.getfixturevalue(dock)
+    words = "docking to chair_1" if dock == "docking" else "undocking from chair_1"
+    story.ends(True).tick(1.0)
+    assert story.state in AT_DOCK
+    assert story.status.reason == f"{words}: waiting for /passenger_attached"
+    story.tick(story.params.docking_confirm_s)
+    assert story.state is State.FAILED
+    assert story.status.reason == f"{words} failed: it succeeded, but /passenger_attached stayed {stayed}"
 
 
 def test_an_open_route_waits_at_a_station_and_goes_on_with_the_undocking(story):
@@ -136,14 +101,6 @@ def test_no_robot_drives_out_of_a_station_whatever_the_docking_controller_report
     assert story.status.reason == "undocking from charger failed: nothing is attached"
 
 
-def test_no_robot_drives_out_of_a_station_after_a_restart(params, story):
-    story.start(CHARGE, "undock", "park").reach(2.0).tick().accept().given(docking_state="DOCKED").ends(True)
-    again = DockStory(params, story.journal.records[-1]).at(2.0)
-    assert again.state is State.PAUSED
-    again.command(ev.RESUME).tick(5.0)
-    assert (again.goals(), again.calls()) == ([], [("undock", "charger")])
-
-
 def test_a_robot_that_is_driven_by_hand_in_the_wait_at_a_charger_is_resumed_by_a_person_only(story):
     story.brings(CHARGE).reach(2.0).tick().accept().given(docking_state="DOCKED").ends(True).tick(1.0)
     story.given(manual=True).at(5.0).tick(1.0).given(manual=False).tick(5.0)
@@ -156,30 +113,10 @@ def test_a_robot_that_is_driven_by_hand_in_the_wait_at_a_charger_is_resumed_by_a
     assert story.calls()[-1] == ("undock", "charger")
 
 
-def test_a_passenger_from_before_is_put_down_wherever_it_was_attached(story):
-    story.attach().start("undock").reach(2.0).tick()
-    assert story.calls() == [("undock", "")]
-    story.accept().attach(False).ends(True)
-    assert story.state is State.COMPLETED
-
-
-def test_a_mission_may_end_docked(story):
-    story.start(DOCK).reach(2.0).tick().docks()
-    assert (story.state, story.status.waypoints_completed) == (State.COMPLETED, 1)
-    assert story.goal is None
-
-
 def test_a_robot_docked_to_a_station_does_not_drive_home_on_a_low_battery(story):
     story.command(ev.START_MISSION, make_mission(CHARGE, home=(50.0, 0.0, 0.0))).given(battery=0.2)
     story.reach(2.0).tick().accept().ends(True)
     assert story.state is State.COMPLETED
-
-
-def test_no_stall_counts_while_docking(docking):
-    docking.feedback("SEARCH").tick(2 * docking.params.progress_timeout_s)
-    assert docking.state is State.DOCKING
-    assert docking.kernel.record.failed_tries == 0
-    assert docking.goals() == []
 
 
 # --- missions rejected at the start ----------------------------------------------------------------------------------
@@ -206,22 +143,6 @@ def test_mission_with_impossible_docking_is_rejected_at_start(story, actions, ab
     assert not story.status.last_command_accepted
 
 
-@pytest.mark.parametrize(
-    ("actions", "aboard"),
-    [
-        ((DOCK, "undock", "park"), False),
-        ((DOCK, "undock", DOCK), False),
-        (("undock", DOCK), True),
-        (("park",), True),
-        ((CHARGE, "undock", DOCK), False),
-        ((CHARGE,), False),
-    ],
-)
-def test_mission_with_possible_docking_starts(story, actions, aboard):
-    story.attach(aboard).start(*actions)
-    assert story.state is State.RUNNING, story.status.reason
-
-
 # --- failures --------------------------------------------------------------------------------------------------------
 
 
@@ -232,14 +153,6 @@ def test_a_failed_docking_ends_the_mission_with_its_reason(docking):
     assert docking.status.display == Display.DOCKING_FAILED
     docking.tick(60.0)
     assert docking.calls() == [], "the docking controller has tried again, the mission does not"
-
-
-def test_a_failed_undocking_keeps_the_passenger(undocking):
-    undocking.ends(False, "the latch does not open (UNLATCH_FAILED)")
-    assert undocking.state is State.FAILED
-    assert undocking.status.reason == "undocking from chair_1 failed: the latch does not open (UNLATCH_FAILED)"
-    assert undocking.status.passenger_attached
-    assert undocking.status.display == Display.ERROR
 
 
 def test_docking_failure_without_text_fails_with_default_reason(docking):
@@ -259,12 +172,6 @@ def test_without_a_docking_controller(story):
     assert story.calls() == []
 
 
-def test_docking_goal_is_sent_once_docking_controller_appears(story):
-    story.start(DOCK).given(docking_served=False, docking_state="").reach(2.0).tick(5.0)
-    story.given(docking_served=True, docking_state="IDLE").tick()
-    assert story.calls() == [("dock", "chair_1")]
-
-
 @pytest.mark.parametrize("state", ["APPROACH", "SEARCH", "SERVOING", "FINE_ALIGN"])
 def test_docking_waits_until_busy_docking_controller_is_idle(story, state):
     story.start(DOCK).given(docking_state=state).reach(2.0).tick()
@@ -281,13 +188,6 @@ def test_a_goal_waits_until_the_robot_stands(story):
     assert story.calls() == []
     story.at(2.0).tick()
     assert story.calls() == [("dock", "chair_1")]
-
-
-@pytest.mark.parametrize("twist", [None, Twist2(float("nan"), 0.0, 0.0)])
-def test_unknown_odometry_is_not_standing(story, twist):
-    story.start(DOCK).arrive(2.0).given(twist=twist).tick(story.params.docking_wait_s)
-    assert story.calls() == []
-    assert story.state is State.FAILED
 
 
 @pytest.mark.parametrize("hindrance", [{"safety_known": False}, {"faults": ("COLLISION_IMMINENT",)}, {"pose": None}])
@@ -375,39 +275,7 @@ def test_a_goal_of_one_that_died_is_not_waited_for(docking):
     assert docking.calls() == [("dock", "chair_1")]
 
 
-def test_docking_result_without_active_goal_is_ignored(story):
-    story.ends(True, call=1).feedback("SERVOING", call=3).happens(ev.DockingAccepted(2))
-    assert story.state is State.IDLE
-    story.start("park").ends(False, "x", call=1)
-    assert story.state is State.RUNNING
-    assert story.status.reason == ""
-
-
 # --- commands and the emergency stop ---------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("command", COMMANDED)
-def test_stop_command_cancels_docking(docking, command):
-    docking.command(command)
-    assert docking.state is COMMANDED[command]
-    assert [entry for entry in docking.log if "cancel" in entry] == ["cancel all", "cancel docking"]
-
-
-@pytest.mark.parametrize("command", COMMANDED)
-def test_stop_command_cancels_undocking_and_keeps_passenger(undocking, command):
-    undocking.command(command)
-    assert undocking.state is COMMANDED[command]
-    assert "cancel docking" in undocking.log
-    assert undocking.status.passenger_attached
-
-
-def test_the_stop_of_a_docking_does_not_wait_for_the_journal(docking):
-    order: list[str] = []
-    docking.journal.save = lambda record: order.append(record.state.value)
-    cancel = docking.cancel_docking
-    docking.cancel_docking = lambda everything: (order.append("cancel docking"), cancel(everything))
-    docking.command(ev.PAUSE)
-    assert order == ["cancel docking", "PAUSED"]
 
 
 def test_a_cancelled_goal_is_cancelled_until_it_has_ended(docking):
@@ -419,52 +287,11 @@ def test_a_cancelled_goal_is_cancelled_until_it_has_ended(docking):
     assert docking.state is State.PAUSED
 
 
-def test_resume_docks_again_from_the_start(docking):
-    call = docking.called()
-    docking.command(ev.PAUSE).ends(False, "cancelled", call=call).clear().command(ev.RESUME)
-    assert docking.state is State.DOCKING
-    docking.tick()
-    assert docking.calls() == [("dock", "chair_1")]
-    docking.docks()
-    assert docking.state is State.RUNNING
-
-
-def test_resume_skips_docking_if_wheelchair_is_attached(docking):
-    call = docking.called()
-    docking.command(ev.PAUSE).attach().ends(True, call=call).command(ev.RESUME)
-    assert (docking.state, docking.goals(), docking.calls()) == (State.RUNNING, [4.0], [])
-
-
 def test_resume_undocks_again_where_the_robot_stands(undocking):
     call = undocking.called()
     undocking.command(ev.PAUSE).ends(False, "cancelled", call=call).clear().command(ev.RESUME).tick()
     assert undocking.calls() == [("undock", "chair_1")]
     assert undocking.goals() == [], "the chair may be unlatched already: driving forward would push it"
-
-
-def test_resume_skips_undocking_if_wheelchair_is_released(undocking):
-    call = undocking.called()
-    undocking.command(ev.PAUSE).attach(False).ends(True, call=call).command(ev.RESUME)
-    assert (undocking.state, undocking.goals()[-1], undocking.calls()) == (State.RUNNING, 6.0, [])
-
-
-def test_resume_after_the_last_waypoint_was_served_meanwhile_completes(story):
-    story.start(DOCK).reach(2.0).tick().accept()
-    call = story.called()
-    story.command(ev.PAUSE).attach().ends(True, call=call).command(ev.RESUME)
-    assert (story.state, story.status.last_command_accepted) == (State.COMPLETED, True)
-
-
-def test_resume_at_a_station_docks_again(story):
-    story.start(CHARGE).reach(2.0).tick().accept()
-    call = story.called()
-    story.command(ev.PAUSE).ends(True, call=call).clear().command(ev.RESUME).tick()
-    assert story.calls() == [("dock", "charger")]
-
-
-def test_resume_before_the_dock_was_reached_drives_there(story):
-    story.start(DOCK).command(ev.PAUSE).clear().command(ev.RESUME)
-    assert (story.state, story.goals(), story.calls()) == (State.RUNNING, [2.0], [])
 
 
 @pytest.mark.parametrize("dock", ["docking", "undocking"])
@@ -482,75 +309,19 @@ def test_emergency_stop_until_release_and_resume(dock, request):
     assert len(story.calls()) == 1
 
 
-def test_emergency_stop_received_after_docking_result_stops_mission(docking):
-    docking.ends(False, "emergency stop (SAFETY_STOP)", safety_stop=True).tick(1.0)
+@pytest.mark.parametrize("emergency", [True, False])
+def test_a_safety_stop_waits_for_the_emergency_stop_and_fails_without_one(docking, emergency):
+    docking.ends(False, "held (SAFETY_STOP)", safety_stop=True).tick(1.0)
     assert docking.state is State.DOCKING
-    docking.emergency(True)
-    assert docking.state is State.STOPPED
-
-
-def test_a_safety_stop_without_an_emergency_stop_fails(docking):
-    docking.ends(False, "held (SAFETY_STOP)", safety_stop=True).tick(docking.params.docking_confirm_s)
+    if emergency:
+        assert docking.emergency(True).state is State.STOPPED
+        return
+    docking.tick(docking.params.docking_confirm_s)
     assert docking.state is State.FAILED
     assert docking.status.reason == "docking to chair_1 failed: held (SAFETY_STOP)"
 
 
 # --- journal and restart ---------------------------------------------------------------------------------------------
-
-
-def test_unwritable_journal_pauses_mission_before_docking(story):
-    story.start(DOCK)
-    story.journal.problem = "disk full"
-    story.reach(2.0).tick(1.0)
-    assert (story.state, story.calls()) == (State.PAUSED, [])
-
-
-def test_a_passenger_that_cannot_be_journaled_stops_the_docking(docking):
-    docking.journal.problem = "disk full"
-    docking.attach()
-    assert docking.state is State.PAUSED
-    assert "cancel docking" in docking.log
-    assert docking.kernel.record.passenger_attached
-
-
-def test_an_unwritable_journal_refuses_to_resume_a_docking(docking):
-    call = docking.called()
-    docking.command(ev.PAUSE).ends(False, "cancelled", call=call).clear()
-    docking.journal.problem = "disk full"
-    docking.command(ev.RESUME).tick(1.0)
-    assert (docking.state, docking.calls()) == (State.PAUSED, [])
-    assert not docking.status.last_command_accepted
-
-
-@pytest.mark.parametrize(("attached", "goals"), [(False, []), (True, [4.0])])
-def test_a_restart_while_docking(docking, params, attached, goals):
-    kept = replace(docking.journal.load(), passenger_attached=attached)
-    again = DockStory(params, kept)
-    assert (again.state, again.log) == (State.PAUSED, ["cancel all", "cancel all docking"])
-    assert again.status.reason == "restarted while DOCKING at 'w0'; RESUME goes on, ABORT ends the mission"
-    again.tick(60.0)
-    assert (again.calls(), again.goals()) == ([], [])
-    again.at(2.0).command(ev.RESUME).tick()
-    assert again.goals() == goals
-    assert again.calls() == ([] if attached else [("dock", "chair_1")])
-
-
-def test_a_restart_while_undocking_undocks_again(undocking, params):
-    again = DockStory(params, undocking.journal.load()).at(4.0).command(ev.RESUME).tick()
-    assert again.calls() == [("undock", "chair_1")]
-
-
-def test_a_restart_while_paused_in_a_docking_docks_again(docking, params):
-    again = DockStory(params, docking.command(ev.PAUSE).journal.load()).at(2.0).command(ev.RESUME).tick()
-    assert again.calls() == [("dock", "chair_1")]
-
-
-def test_resume_sends_docking_goal_for_removed_dock(params):
-    mission = make_mission({"dock": "gone"}, "park")
-    story = DockStory(params, Record(State.DOCKING, mission, docking_begun=True)).command(ev.RESUME).tick()
-    assert story.calls() == [("dock", "gone")]
-    story.accept().ends(False, "there is no such dock (UNKNOWN_DOCK)")
-    assert story.state is State.FAILED
 
 
 @pytest.mark.parametrize("state", [State.DOCKING, State.UNDOCKING])
@@ -622,18 +393,6 @@ def test_an_announcement_lasts_its_time(docking):
         assert docking.now_s - begun_s == pytest.approx(docking.params.announcement_s, abs=2 * TICK_S)
 
 
-def test_successful_docking_displays_passenger_onboard(docking):
-    docking.feedback("DOCKED").attach().ends(True)
-    assert docking.status.display == Display.PASSENGER_ONBOARD
-
-
-def test_an_announcement_is_over_when_the_robot_moves(docking):
-    docking.attach().ends(True)
-    assert docking.status.display == Display.DOCKING_COMPLETE
-    docking.at(2.1, speed=0.3).tick()
-    assert docking.status.display == Display.TRANSPORT
-
-
 def test_no_announcement_hides_an_emergency_stop(docking):
     docking.attach().ends(True).emergency(True)
     assert docking.status.display == Display.EMERGENCY_STOP
@@ -669,11 +428,6 @@ def test_an_obstacle_beside_shows_while_docking_once_the_robot_has_stood_for_it(
 def test_manual_docking_without_mission_is_displayed(story, state, display):
     story.given(docking_state=state).tick()
     assert story.status.display == display
-
-
-def test_approach_to_charging_station_displays_navigating(story):
-    story.start(CHARGE).tick()
-    assert story.status.display == Display.NAVIGATING
 
 
 # --- a latch that does not hold ---------------------------------------------------------------------------------------

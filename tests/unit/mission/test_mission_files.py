@@ -151,19 +151,6 @@ def test_mission_id_is_not_interpreted_as_path(tmp_path, mission_id):
         MissionLibrary(folder).find(mission_id)
 
 
-def test_missing_mission_folder_lists_no_missions(tmp_path):
-    with pytest.raises(MissionError, match="known: none"):
-        MissionLibrary(tmp_path / "nowhere").find("ride")
-
-
-def test_files_are_read_afresh(tmp_path):
-    library = MissionLibrary(tmp_path)
-    write(tmp_path, GOOD)
-    assert len(library.find("ride").waypoints) == 3
-    write(tmp_path, changed(("waypoints", 1), DELETE))
-    assert len(library.find("ride").waypoints) == 2
-
-
 @given(
     st.sampled_from(["pass", "park", "undock"])
     | st.builds(lambda s: {"wait": s}, st.floats(0.0, 86_400.0))
@@ -178,12 +165,6 @@ def test_an_action_is_written_as_it_is_read(action):
 
 def shipped() -> MissionLibrary:
     return MissionLibrary(config_dir() / "missions")
-
-
-@pytest.mark.parametrize("mission_id", ["yard_tour", "short_hop", "wheelchair_transport"])
-def test_shipped_missions_are_valid(mission_id):
-    assert mission_id in shipped().ids()
-    assert shipped().find(mission_id).id == mission_id
 
 
 def test_shipped_places_have_names_in_every_language():
@@ -206,23 +187,6 @@ def route_length_m(mission: Mission) -> float:
     return route.length_m([Pose2(0.0, 0.0, 0.0), *(waypoint.pose for waypoint in mission.waypoints)])
 
 
-def test_the_yard_tour_stays_in_its_yard():
-    tour = shipped().find("yard_tour")
-    assert 40.0 <= route_length_m(tour) <= 60.0
-    assert all(0.0 <= waypoint.x <= 20.0 and 0.0 <= waypoint.y <= 12.0 for waypoint in tour.waypoints)
-    assert {waypoint.action.kind for waypoint in tour.waypoints} == {Kind.PASS, Kind.WAIT, Kind.PARK}
-    assert len({waypoint.yaw for waypoint in tour.waypoints}) > 2
-
-
-def test_the_short_hop_is_short():
-    assert 4.0 <= route_length_m(shipped().find("short_hop")) <= 6.0
-
-
-def test_the_wheelchair_transport_docks_and_undocks():
-    kinds = [waypoint.action.kind for waypoint in shipped().find("wheelchair_transport").waypoints]
-    assert kinds.index(Kind.DOCK) < kinds.index(Kind.UNDOCK)
-
-
 def test_the_example_of_the_readme_is_valid(tmp_path):
     text = (config_dir() / "missions" / "README.md").read_text(encoding="utf-8")
     example = text.split("```yaml\n")[1].split("```")[0]
@@ -232,23 +196,10 @@ def test_the_example_of_the_readme_is_valid(tmp_path):
 # --- parameters ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [
-        ("position_tolerance_m", 0.0),
-        ("position_tolerance_m", 0.6),  # above pass_position_tolerance_m
-        ("yaw_tolerance_rad", 0.7),
-        ("tries", 0),
-        ("progress_timeout_s", math.nan),
-        ("language", "de"),
-        ("ehmi_volume", 11),
-        ("minimum_battery", 30.0),
-        ("tick_rate_hz", 1000.0),
-    ],
-)
-def test_parameters_out_of_range_are_refused(name, value):
+@pytest.mark.parametrize(("name", "value"), [("position_tolerance_m", 0.6), ("yaw_tolerance_rad", 0.7)])
+def test_a_waypoint_to_pass_has_the_larger_tolerances(name, value):
     data = read_yaml(config_dir() / "mission_manager.yaml")
-    with pytest.raises(ConfigError):
+    with pytest.raises(ConfigError, match=f"pass_{name} must not be below {name}"):
         validate(MissionParams, {**data, name: value}, "mission_manager.yaml")
 
 

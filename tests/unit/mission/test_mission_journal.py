@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import sqlite3
-import stat
 import subprocess
 import sys
 from contextlib import closing
@@ -65,18 +64,6 @@ def reopened(path) -> Record:
 def save(path, record: Record) -> None:
     with closing(SqliteJournal(path)) as journal:
         journal.save(record)
-
-
-def test_a_new_journal_is_empty(path):
-    assert reopened(path) == Record()
-    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
-
-
-def test_last_record_is_restored_completely(path):
-    journal = SqliteJournal(path)
-    journal.save(Record(State.RUNNING, RIDE))
-    journal.save(FULL)
-    assert reopened(path) == FULL
 
 
 @settings(max_examples=30, deadline=None)
@@ -287,12 +274,6 @@ def test_a_folder_that_cannot_be_made(tmp_path):
         journal.load()
 
 
-def test_a_folder_in_the_place_of_the_file(path):
-    path.mkdir(parents=True)
-    with pytest.raises(JournalError, match="unable to open database file"):
-        SqliteJournal(path).save(FULL)
-
-
 # --- a full disk, for real: the operating system refuses to let the files grow ---------------------------------------
 
 _FILL = """
@@ -378,11 +359,6 @@ def test_a_process_killed_while_it_writes_loses_nothing_it_has_saved(path):
         assert [order.id for order in record.queue.orders] == [f"order {record.failed_tries}"]
         assert record.passenger_attached
         assert record.mission == RIDE
-
-
-def test_load_record_reports_no_problem_for_valid_journal(path):
-    save(path, FULL)
-    assert load_record(SqliteJournal(path)) == (FULL, "")
 
 
 def test_load_record_reports_unreadable_and_damaged_journal(path):

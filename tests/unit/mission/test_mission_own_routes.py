@@ -10,7 +10,6 @@ from robot_stack.contract.states import HeldBy
 from robot_stack.core.mission import MAX_WAYPOINTS
 from robot_stack.core.safe_places import SafePlace
 from robot_stack.mission import events as ev
-from robot_stack.mission import own_route
 from robot_stack.mission.orders import Operation, OrderState, Origin
 from robot_stack.mission.states import UNDER_WAY, State
 
@@ -75,14 +74,6 @@ def at_end(story: Story) -> Story:
 # --- the order -------------------------------------------------------------------------------------------------------
 
 
-def test_an_order_brings_its_route_and_is_driven(story):
-    story.brings("pass", "park", more_follows=False)
-    assert (story.state, current(story), story.goals()) == (State.RUNNING, "a", [2.0])
-    assert (story.status.mission.id, story.status.total_waypoints) == ("tour", 2)
-    story.finishes()
-    assert (story.state, state_of(story)) == (State.COMPLETED, OrderState.COMPLETED)
-
-
 def bad(**changes) -> list[dict]:
     return [*waypoints_of("pass"), {**waypoints_of("pass", "park")[1], **changes}]
 
@@ -117,7 +108,6 @@ def test_a_route_that_cannot_be_driven_is_refused_in_one_line(story, waypoints, 
 def test_many_problems_are_counted(story):
     waypoints = [{**waypoint, "x": float("nan")} for waypoint in waypoints_of(*["pass"] * 9)]
     refused(story, "; and 4 more problems", lambda story: story.asks(Operation.ADD, "a", waypoints))
-    assert "home" not in story.answer.message
 
 
 def test_a_mission_file_has_no_next_part(story):
@@ -164,14 +154,6 @@ def test_an_id_is_one_order_with_one_route_for_ever(story):
     refused(story, "another route", lambda story: ask("park"))
     again = Story(story.params, story.journal.load())
     refused(again, "another route", lambda story: story.asks(Operation.ADD, "a", waypoints_of("park")))
-
-
-def test_a_change_of_destination_brings_its_route(story):
-    story.start("park").asks(Operation.REPLACE, "a", waypoints_of("pass", "park"), more_follows=True)
-    assert story.answer.success
-    assert (current(story), story.status.total_waypoints) == ("a", 2)
-    story.finishes()
-    assert story.state is State.WAITING
 
 
 def test_a_waiting_order_takes_the_place_of_a_ride_with_its_extended_route(story):
@@ -235,15 +217,6 @@ def test_a_closed_route_ends(story, more):
     refused(story, "is COMPLETED", lambda story: story.extends("park", first=2))
 
 
-def test_a_waiting_order_is_extended(story):
-    story.edit(Operation.HOLD).asks(Operation.ADD, "a", waypoints_of("pass"), more_follows=True)
-    story.extends("park", first=1, more_follows=False)
-    assert story.answer.message == "the route of order 'a' has 2 waypoints"
-    assert route_of(story) == ["w0", "w1"]
-    story.edit(Operation.RELEASE).tick(story.params.next_order_after_s + 3.0).finishes()
-    assert story.state is State.COMPLETED
-
-
 @pytest.mark.parametrize("waits", [True, False])
 def test_what_the_route_contains_is_no_change(story, waits):
     story.brings("pass", "pass", "pass") if not waits else story.edit(Operation.HOLD).asks(
@@ -303,11 +276,6 @@ def test_an_extension_that_does_not_fit_changes_nothing(params, begin, why, act)
     refused(story, why, act)
 
 
-def test_the_longest_route_is_driven(story):
-    story.brings("pass", "pass").extends(*["pass"] * (MAX_WAYPOINTS - 2), first=2)
-    assert (story.answer.success, story.status.total_waypoints) == (True, MAX_WAYPOINTS)
-
-
 def test_a_closed_route_is_not_extended(story):
     story.brings("pass", "park", more_follows=False)
     refused(story, "is complete", lambda story: story.extends("park", first=2))
@@ -328,28 +296,12 @@ def test_the_whole_route_must_dock_in_sequence(params):
     assert story.answer.success
 
 
-def test_with_a_passenger_from_the_start_the_route_ends_at_an_undocking(params):
-    story = DockStory(params).attach()
-    story.brings("pass", origin="cli")
-    refused(story, "already carrying", lambda story: story.extends(DOCK, first=1, origin="cli"))
-    assert story.extends("undock", first=1, origin="cli").answer.success
-
-
-# --- what may happen in the wait -------------------------------------------------------------------------------------
-
-
-def test_an_emergency_stop_in_the_wait(story):
-    at_end(story).emergency(True)
-    assert story.state is State.STOPPED
-    story.extends("park", first=2)
-    assert (story.answer.success, story.state, story.goal) == (True, State.STOPPED, None)
-    story.emergency(False).command(ev.RESUME)
-    assert (story.state, story.goal.x) == (State.RUNNING, 6.0)
-
-
 def test_no_extension_starts_in_an_emergency(story):
     at_end(story).given(emergency_stop=True)
     refused(story, "emergency stop is active", lambda story: story.extends("park", first=2))
+
+
+# --- what may happen in the wait -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("stand", [lambda s: s.command(ev.PAUSE), lambda s: s.emergency(True).emergency(False)])
@@ -386,30 +338,6 @@ def test_lost_localization_in_the_wait_asks_a_person(story):
     refused(story, "only a person resumes", lambda story: story.asks(Operation.RESUME))
 
 
-def test_localization_lost_shortly_before_the_next_part_asks_a_person_too(story):
-    at_end(story).given(faults=("LOCALIZATION_LOST",)).tick(story.params.localization_lost_s - 2.0)
-    assert story.extends("park", first=2).answer.success
-    assert story.tick(1.0).state is State.RUNNING, "held by safety"
-    assert (story.tick(2.0).state, story.goal) == (State.PAUSED, None)
-
-
-def test_a_docking_that_was_done_in_a_pause_leads_to_the_wait(params):
-    for stand in (lambda s: s.command(ev.PAUSE), lambda s: s.emergency(True).emergency(False)):
-        story = DockStory(params)
-        at_a_chair(story)
-        stand(story)
-        story.ends(False, call=1).attach().command(ev.RESUME)
-        assert (story.state, AWAITS in story.status.reason) == (State.WAITING, True)
-
-
-def test_people_s_missions_and_changes_of_destination_in_the_wait(story):
-    at_end(story).command(ev.START_MISSION, make_mission("park", mission_id="other"))
-    assert (story.status.last_command_accepted, story.waiting()) == (True, ["start_1"])
-    story.order("b", "park", operation=Operation.REPLACE)
-    assert (story.answer.success, story.state, current(story)) == (True, State.RUNNING, "b")
-    assert state_of(story) is OrderState.ABORTED
-
-
 def test_a_critical_battery_in_the_wait_leads_to_the_safe_place(params):
     story = at_end(Story(params, safe_places=(SafePlace(name="porch", x=1.0, y=0.0, yaw=0.0),)))
     story.given(faults=CRITICAL).tick()
@@ -432,18 +360,6 @@ def test_after_the_safe_place_it_waits_there(params):
     assert story.given(faults=()).command(ev.RESUME).state is State.WAITING
 
 
-def test_a_critical_battery_in_the_wait_without_a_safe_place_pauses(story):
-    at_end(story).given(faults=CRITICAL).tick()
-    assert (story.state, "charge the robot" in story.status.reason) == (State.PAUSED, True)
-
-
-def test_a_low_battery_in_the_wait_holds_only_other_orders(story):
-    at_end(story).given(faults=("BATTERY_LOW",)).tick(60.0)
-    assert (story.state, held(story)) == (State.WAITING, HeldBy.BATTERY_LOW)
-    story.extends({"dock": "charger"}, first=2)
-    assert (story.answer.success, story.state) == (True, State.RUNNING)
-
-
 @pytest.mark.parametrize("warned", [True, False])
 def test_a_passenger_who_comes_aboard_in_the_wait_is_driven_by_a_person_only(story, warned):
     at_end(story).tick(60.0)
@@ -452,16 +368,6 @@ def test_a_passenger_who_comes_aboard_in_the_wait_is_driven_by_a_person_only(sto
     story.happens(ev.PassengerChanged(True))
     assert (story.state, "a passenger came aboard" in story.status.reason) == (State.PAUSED, True)
     story.extends("park", first=2).asks(Operation.RESUME).tick(10.0)
-    assert (story.state, story.goal) == (State.PAUSED, None)
-    assert story.command(ev.RESUME).state is State.RUNNING
-
-
-def test_a_passenger_who_comes_aboard_in_a_waiting_time_is_driven_by_a_person_only(story):
-    story.brings({"wait": 5.0}, "park", more_follows=False).reach(2.0).tick(1.0)
-    assert (story.state, current(story)) == (State.WAITING, "a")
-    story.happens(ev.PassengerChanged(True)).tick(10.0)
-    assert (story.state, "a passenger came aboard" in story.status.reason) == (State.PAUSED, True)
-    story.asks(Operation.RESUME).tick(10.0)
     assert (story.state, story.goal) == (State.PAUSED, None)
     assert story.command(ev.RESUME).state is State.RUNNING
 
@@ -493,15 +399,6 @@ def test_an_end_that_is_not_journaled_holds_nothing(params):
     assert held(story) is HeldBy.NOTHING
 
 
-def test_an_order_that_is_not_journaled_is_not_queued(story):
-    undone(story.start("park"), lambda story: story.asks(Operation.ADD, "a", waypoints_of("pass"), more_follows=True))
-
-
-def test_a_removal_that_is_not_journaled_is_none(story):
-    story.edit(Operation.HOLD).asks(Operation.ADD, "a", waypoints_of("pass"))
-    undone(story, lambda story: story.asks(Operation.CANCEL))
-
-
 def test_a_resume_that_is_not_journaled_leaves_the_fleet_its_pause(params):
     for at_dock in (False, True):
         story = DockStory(params)
@@ -527,13 +424,6 @@ def test_a_stop_never_waits_for_the_disk(story, operation):
     assert story.journal.records[-1].state is story.state, "saved as soon as possible"
     if operation is Operation.PAUSE:
         refused(story, "only a person resumes", lambda story: story.asks(Operation.RESUME))
-
-
-def test_the_wait_that_is_not_journaled_is_a_pause(story):
-    story.brings("pass").journal.problem = "full"
-    assert story.reach(2.0).state is State.PAUSED
-    story.journal.problem = ""
-    assert story.command(ev.RESUME).state is State.WAITING
 
 
 # --- cancellation ----------------------------------------------------------------------------------------------------
@@ -606,21 +496,15 @@ def test_a_cancellation_holds_the_queue_where_a_person_has_to_look(params, begin
     assert story.queues[-1].reason
 
 
-def test_what_ended_otherwise_is_not_cancelled(story):
-    story.brings("park", more_follows=False).finishes()
-    for operation in (Operation.CANCEL, Operation.PAUSE, Operation.RESUME):
-        refused(story, "is COMPLETED", lambda story, asked=operation: story.asks(asked))
-
-
-def test_a_waiting_order_is_neither_paused_nor_resumed(story):
-    story.edit(Operation.HOLD).asks(Operation.ADD, "a", waypoints_of("pass"))
-    for operation in (Operation.PAUSE, Operation.RESUME):
-        refused(story, "is QUEUED", lambda story, asked=operation: story.asks(asked))
-
-
-def test_the_fleet_cancels_a_mission_file_that_it_ordered(story):
-    story.edit(Operation.RELEASE).order("a", "park").tick(story.params.next_order_after_s + 3.0)
-    assert story.asks(Operation.CANCEL).state is State.ABORTED
+@pytest.mark.parametrize("waits", [True, False])
+def test_only_an_order_under_way_is_paused_resumed_and_cancelled(story, waits):
+    if waits:
+        story.edit(Operation.HOLD).asks(Operation.ADD, "a", waypoints_of("pass"))
+    else:
+        story.brings("park", more_follows=False).finishes()
+    for operation in (Operation.PAUSE, Operation.RESUME, *(() if waits else (Operation.CANCEL,))):
+        why = "is QUEUED" if waits else "is COMPLETED"
+        refused(story, why, lambda story, asked=operation: story.asks(asked))
 
 
 # --- pauses ----------------------------------------------------------------------------------------------------------
@@ -636,30 +520,6 @@ def test_the_fleet_pauses_and_resumes_its_order(story):
         assert story.asks(Operation.RESUME).answer.success
         assert (story.state, story.queues[-1].paused_by) == (State.RUNNING, None)
     assert story.goal.x == 2.0
-
-
-def test_the_fleet_pauses_a_docking_and_the_wait(params):
-    story = DockStory(params)
-    at_a_chair(story)
-    assert (story.asks(Operation.PAUSE).state, story.call) == (State.PAUSED, None)
-    assert story.asks(Operation.RESUME).state is State.DOCKING
-    story.tick(3.0).ends(False, call=1).tick(3.0).docks()
-    assert story.state is State.WAITING
-    assert story.asks(Operation.PAUSE).state is State.PAUSED
-    assert story.asks(Operation.RESUME).state is State.WAITING
-
-
-@pytest.mark.parametrize("operation", [Operation.PAUSE, Operation.RESUME])
-def test_nobody_pauses_or_resumes_the_order_of_another(story, operation):
-    story.brings("park")
-    if operation is Operation.RESUME:
-        story.asks(Operation.PAUSE)
-    refused(story, "is from fleet", lambda story: story.asks(operation, origin="cli"))
-
-
-def test_a_person_resumes_any_pause(story):
-    story.brings("park").asks(Operation.PAUSE)
-    assert (story.command(ev.RESUME).state, story.queues[-1].paused_by) == (State.RUNNING, None)
 
 
 def test_a_person_s_pause_is_never_resumed_by_the_fleet(story):
@@ -702,13 +562,6 @@ def test_what_ends_the_fleet_s_pause(story, happens, stays):
     assert (story.answer.success, story.state is State.RUNNING) == (stays, stays)
 
 
-def test_a_pause_belongs_to_nobody_after_a_restart(story):
-    story.brings("park").asks(Operation.PAUSE)
-    again = Story(story.params, story.journal.load())
-    assert (again.state, again.queues[-1].paused_by) == (State.PAUSED, None)
-    refused(again, "only a person resumes", lambda story: story.asks(Operation.RESUME))
-
-
 @pytest.mark.parametrize(
     "hindrance", [{"emergency_stop": True}, {"faults": ("LOCALIZATION_LOST",)}, {"faults": CRITICAL}]
 )
@@ -716,9 +569,3 @@ def test_the_fleet_resumes_nothing_that_must_stand(story, hindrance):
     """Also before the next tick ends its ownership."""
     story.brings("park").asks(Operation.PAUSE).given(**hindrance)
     refused(story, ":", lambda story: story.asks(Operation.RESUME))
-
-
-def test_the_digest_is_that_of_the_route():
-    one, other = own_route.own_mission("tour", waypoints_of("pass")), own_route.own_mission("x", waypoints_of("pass"))
-    assert own_route.digest(one) == own_route.digest(other)
-    assert own_route.digest(one) != own_route.digest(own_route.own_mission("tour", waypoints_of("park")))
