@@ -8,10 +8,9 @@ import pty
 import signal
 import subprocess
 import sys
-import threading
 import urllib.request
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -46,17 +45,18 @@ def written(folder: Path, data: Any) -> str:
 
 
 def test_order_is_followed_to_its_end(broker: RunningBroker, tmp_path: Path) -> None:
-    with closing(ForeignRobot(broker.site.robot_url(), "F1")) as robot:
+    with closing(ForeignRobot(broker.site.robot_url(), "F1", state_interval_s=1000.0)) as robot:
+        asked = run(broker, "status", "--wait", "60")
+        assert asked.exit_code == 0
+        assert "1.00, 2.00 yard" in asked.output, "a state is asked for"
         result = run(broker, "send", written(tmp_path, order("o-1", ["start", "a", "b"], serialNumber="F1")))
         assert result.exit_code == 0, result.exception
         assert result.output.splitlines()[-1] == "F1: order o-1 is finished"
         assert robot.orders == ["o-1"]
         shown = run(broker, "status")
         assert shown.exit_code == 0
-        assert "F1" in shown.output
-        assert "ONLINE" in shown.output
-        assert "o-1" in shown.output
-        assert "3.00, 2.00 yard" in shown.output, "it has arrived at the last node"
+        for part in ("F1", "ONLINE", "o-1", "3.00, 2.00 yard"):  # it has arrived at the last node
+            assert part in shown.output
         data = json.loads(run(broker, "status", "--json").output)
         assert data[f"uagv/v2/{MAKER}/F1"]["state"]["lastNodeId"] == "b"
 
@@ -76,54 +76,54 @@ def test_each_sending_of_an_order_without_an_id_is_another_order(broker: Running
 def test_order_shows_its_progress_and_is_cancelled(broker: RunningBroker, tmp_path: Path) -> None:
     with closing(ForeignRobot(broker.site.robot_url(), "F1", waits=True)) as robot:
         file = written(tmp_path, order("o-1", ["start", "a", "b"], serialNumber="F1"))
-        results: list[Result] = []
-        sending = threading.Thread(target=lambda: results.append(_in_process(broker, "send", file)))
-        sending.start()
+        sending = subprocess.Popen(
+            _command(broker, "send", file), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
         wait_for(lambda: robot.orders, "the order")
         robot.release()
         wait_for(lambda: robot.client.publisher.last_node_id == "a", "the first node")
         cancelled = run(broker, "cancel", "F1")
         assert cancelled.exit_code == 0, cancelled.exception
         assert "cancelOrder FINISHED" in cancelled.output
-        sending.join(60.0)
-        assert results[0].returncode == 1
-        assert "last node a" in results[0].stdout
-        assert "order o-1 failed: ended at node a" in results[0].stderr
+        shown, problem = sending.communicate(timeout=120.0)
+        assert sending.returncode == 1
+        assert "last node a" in shown
+        assert "order o-1 failed: ended at node a" in problem
         again = run(broker, "cancel", f"{MAKER}/F1")
         assert again.exit_code == 1
         assert "cancelOrder FAILED" in str(again.exception)
 
 
-def _in_process(broker: RunningBroker, *arguments: str) -> Any:
-    """A second command at the same time."""
-    command = [sys.executable, "-m", "robot_stack.cli", "fleet", *arguments, "--folder", str(broker.site.folder)]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=120.0)
+def _command(broker: RunningBroker, *arguments: str) -> list[str]:
+    """Of another process."""
+    return [sys.executable, "-m", "robot_stack.cli", "fleet", *arguments, "--folder", str(broker.site.folder)]
 
 
-def test_status_asks_for_states(broker: RunningBroker) -> None:
-    with closing(ForeignRobot(broker.site.robot_url(), "F1", state_interval_s=1000.0)):
-        shown = run(broker, "status", "--wait", "60")
-        assert shown.exit_code == 0
-        assert "1.00, 2.00 yard" in shown.output
-
-
-def test_watch_follows_until_interrupted(broker: RunningBroker) -> None:
-    terminal, end = pty.openpty()
-    command = [sys.executable, "-m", "robot_stack.cli", "fleet", "watch", "--folder", str(broker.site.folder)]
+@contextmanager
+def started(command: list[str], **output: Any) -> Iterator[subprocess.Popen[str]]:
+    """A command that runs until it is interrupted, and then ends well."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "100"}
-    process = subprocess.Popen(command, cwd=ROOT, stdout=end, stderr=end, env=environment)
-    shown = ""
+    process = subprocess.Popen(command, cwd=ROOT, env=environment, text=True, **output)
     try:
-        with closing(ForeignRobot(broker.site.robot_url(), "F1")):
-            while "ONLINE" not in shown:  # ended by the time limit of a test
-                shown += os.read(terminal, 4096).decode(errors="replace")
-        while "OFFLINE" not in shown:
-            shown += os.read(terminal, 4096).decode(errors="replace")
+        yield process
         process.send_signal(signal.SIGINT)
         assert process.wait(60.0) == 0
     finally:
         process.kill()
         process.wait()
+
+
+def test_watch_follows_until_interrupted(broker: RunningBroker) -> None:
+    terminal, end = pty.openpty()
+    shown = ""
+    try:
+        with started(_command(broker, "watch"), stdout=end, stderr=end):
+            with closing(ForeignRobot(broker.site.robot_url(), "F1")):
+                while "ONLINE" not in shown:  # ended by the time limit of a test
+                    shown += os.read(terminal, 4096).decode(errors="replace")
+            while "OFFLINE" not in shown:
+                shown += os.read(terminal, 4096).decode(errors="replace")
+    finally:
         os.close(terminal)
         os.close(end)
 
@@ -274,41 +274,20 @@ def test_up_runs_until_interrupted(tmp_path: Path, local: bool) -> None:
     require_mosquitto()
     port, folder = free_ports(), tmp_path / "site"
     command = [sys.executable, "-m", "robot_stack.cli", "fleet", "up", "--port", str(port), "--folder", str(folder)]
-    process = subprocess.Popen(
-        [*command, *(["--local"] if local else ["--name", "localhost"])],
-        cwd=ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        text=True,
-    )
-    try:
+    command += ["--local"] if local else ["--name", "localhost"]
+    with started(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
         assert process.stdout is not None
         scheme = "mqtt://127.0.0.1" if local else "mqtts://localhost"
         assert process.stdout.readline() == f"robots: {scheme}:{port}\n"
         wait_for(lambda: run(None, "status", "--wait", "0.1", folder=folder).exit_code == 0, "the broker")
-        process.send_signal(signal.SIGINT)
-        assert process.wait(60.0) == 0
-    finally:
-        process.kill()
-        process.wait()
 
 
 def test_page_is_served_until_interrupted(broker: RunningBroker) -> None:
-    folder = str(broker.site.folder)
-    command = [sys.executable, "-m", "robot_stack.cli", "fleet", "page", "--port", "0", "--folder", folder]
-    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, env=environment, text=True)
-    try:
+    with started(_command(broker, "page", "--port", "0"), stdout=subprocess.PIPE) as process:
         assert process.stdout is not None
         url = process.stdout.readline().removeprefix("fleet page: ").strip()
         assert url.startswith("http://127.0.0.1:")
         with urllib.request.urlopen(url, timeout=60.0) as answer:
             assert b"/fleet.js" in answer.read()
-        process.send_signal(signal.SIGINT)
-        assert process.wait(60.0) == 0
-    finally:
-        process.kill()
-        process.wait()
     assert "no map 'nowhere'" in str(run(broker, "page", "--map", "nowhere").exception)
     assert "without --local" in str(run(broker, "page", "--bind", "127.0.0.1").exception)

@@ -132,24 +132,6 @@ def test_cut_off_it_drives_the_base_and_catches_up(scene: Scene) -> None:
     assert len(scene.agent.manager.added) == 1
 
 
-def test_a_dead_broker_stops_no_released_route(scene: Scene) -> None:
-    scene.order(first_part())
-    scene.until_seen(0, "a")
-    scene.broker.kill()
-    scene.agent.until(lambda: scene.agent.losses, "the loss")
-    scene.drive()
-    assert scene.agent.kernel.record.last_node == "c"
-    scene.broker.start()
-    scene.master = scene.new_master()
-    scene.until_seen(0, "c")
-    scene.order(first_part())  # a master that does not know whether it arrived
-    scene.order(second_part())
-    scene.until_seen(1, "c")
-    scene.drive()
-    scene.until_seen(1, "d")
-    assert len(scene.agent.manager.added) == 1
-
-
 def test_away_during_several_orders_it_reports_the_newest_state(scene: Scene) -> None:
     """The network is cut while orders end, again and again."""
     for number in range(3):

@@ -92,11 +92,12 @@ def test_cancel_order_is_repeated_while_the_mission_manager_refuses(riding: Benc
 
 
 @pytest.mark.parametrize("cancelled", [False, True])
-def test_without_an_order_there_is_nothing_to_cancel(bench: Bench, cancelled: bool) -> None:
+def test_without_an_order_there_is_nothing_to_cancel_or_pause(bench: Bench, cancelled: bool) -> None:
     if cancelled:
         bench.order(order(route("a", "b")))
         bench.instant(action("cancelOrder", "first"))
     is_refused(bench, action("cancelOrder"), ErrorType.NO_ORDER_TO_CANCEL)
+    is_refused(bench, action("startPause"))
 
 
 def test_an_order_that_waits_for_an_update_can_be_cancelled(bench: Bench) -> None:
@@ -133,17 +134,13 @@ def test_a_new_order_begins_where_the_robot_stands_or_at_the_last_node(riding: B
 
 
 def test_the_fleet_pauses_and_goes_on(riding: Bench) -> None:
-    state = riding.instant(action("startPause"))
-    assert (statuses(state)["startPause"], state["paused"]) == ("FINISHED", True)
+    state = riding.instant(action("startPause", "p1"))
+    assert (statuses(state)["p1"], state["paused"]) == ("FINISHED", True)
+    assert statuses(riding.instant(action("startPause", "p2")))["p2"] == "FINISHED"
+    assert [request.operation for request in riding.manager.asked].count(Operation.PAUSE) == 1
     state = riding.instant(action("stopPause"))
     assert (statuses(state)["stopPause"], state["paused"]) == ("FINISHED", False)
     assert node_ids(riding.serve(4)) == []
-
-
-def test_a_pause_is_idempotent(riding: Bench) -> None:
-    riding.instant(action("startPause", "p1"))
-    assert statuses(riding.instant(action("startPause", "p2")))["p2"] == "FINISHED"
-    assert [request.operation for request in riding.manager.asked].count(Operation.PAUSE) == 1
 
 
 def test_the_pause_of_a_person_is_not_ended_by_the_fleet(riding: Bench) -> None:
@@ -151,10 +148,6 @@ def test_the_pause_of_a_person_is_not_ended_by_the_fleet(riding: Bench) -> None:
     riding.tick()
     assert "person" in is_refused(riding, action("stopPause"))
     assert riding.manager.state == MissionState.PAUSED
-
-
-def test_without_an_order_there_is_nothing_to_pause(bench: Bench) -> None:
-    is_refused(bench, action("startPause"))
 
 
 def test_a_refused_pause_fails(riding: Bench) -> None:
@@ -193,34 +186,31 @@ def test_the_pose_is_given_to_localization(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("field", "value"),
     [
-        {"x": "far"},
-        {"x": 1e9},
-        {"theta": 4.0},
-        {"x": True},
-        {"mapId": "moon"},
-        {"lastNodeId": 1},
-        {"lastNodeId": "n" * 129},
+        ("x", "far"),
+        ("x", 1e9),
+        ("x", True),
+        ("theta", 4.0),
+        ("mapId", "moon"),
+        ("lastNodeId", 1),
+        ("lastNodeId", "n" * 129),
+        *((name, None) for name in POSE),  # is missing
     ],
 )
-def test_a_pose_that_is_none_is_refused(bench: Bench, change: dict[str, Any]) -> None:
-    is_refused(bench, position_action(bench, **POSE | change))
+def test_a_pose_that_is_none_is_refused(bench: Bench, field: str, value: object) -> None:
+    given = {key: entry for key, entry in (POSE | {field: value}).items() if entry is not None}
+    description = is_refused(bench, position_action(bench, **given))
+    assert value is not None or field in description
     assert bench.poses == []
 
 
-@pytest.mark.parametrize("missing", list(POSE))
-def test_a_pose_needs_all_its_parameters(bench: Bench, missing: str) -> None:
-    assert missing in is_refused(bench, position_action(bench, **{k: v for k, v in POSE.items() if k != missing}))
-
-
-def test_no_pose_is_set_during_a_mission(riding: Bench) -> None:
-    is_refused(riding, position_action(riding, **POSE))
-    assert riding.poses == []
-
-
-def test_no_pose_is_set_with_a_passenger(bench: Bench) -> None:
-    bench.robot = replace(bench.robot, loaded=True)
+@pytest.mark.parametrize("why", ["riding", "accepted", "passenger"])
+def test_no_pose_is_set_during_a_mission_or_with_a_passenger(bench: Bench, why: str) -> None:
+    bench.robot = replace(bench.robot, loaded=why == "passenger")
+    bench.silent = why == "accepted"  # the mission manager has not started the order yet
+    if why != "passenger":
+        bench.order(order(route("a", "b")))
     is_refused(bench, position_action(bench, **POSE))
     assert bench.poses == []
 
