@@ -28,16 +28,6 @@ def command() -> TwistCommand:
     return command
 
 
-def test_young_twist_is_the_wish(command: TwistCommand) -> None:
-    command.receive(fields(0.5, -0.2), 10.0)
-    assert command.requested(10.25) == Command(0.5, -0.2)
-
-
-def test_stale_twist_stops_and_reports_timeout(command: TwistCommand) -> None:
-    command.receive(fields(0.5), 10.0)
-    assert command.requested(10.26) == Command(0.0, 0.0, "no command for 0.25 s")
-
-
 @pytest.mark.parametrize("name", ["linear_x", "linear_y", "linear_z", "angular_x", "angular_y", "angular_z"])
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_bad_twist_is_a_stop_and_named(command: TwistCommand, name: str, value: float) -> None:
