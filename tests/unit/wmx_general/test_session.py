@@ -20,7 +20,7 @@ from robot_stack.wmx.general.params import GeneralParams
 from robot_stack.wmx.general.session import GeneralSession
 from robot_stack.wmx.general.worker import Job
 from tests.support.waiting import wait_for
-from tests.unit.wmx.conformance import pos
+from tests.unit.wmx.conformance import pos, vel
 from tests.unit.wmx.harness import (
     POS,
     POS_MIRRORED,
@@ -469,6 +469,12 @@ class TestMotion:
         ended = wait_status(onlooker, at_rest(POS), "the end").pos_cmd[POS]
         assert before + 1.0 <= ended < 20.0  # not 51, which the engine's own relative motion would reach
 
+    def test_relative_from_rest_is_exact(self, rig: Rig) -> None:
+        onlooker = rig.up()
+        for step in (1, 2):
+            rig.move(rig.session.motion.go_by, [POS], [20.0], [1000.0], [1000.0], [0.25])
+            wait_status(onlooker, lambda now, step=step: now.pos_cmd[POS] == 0.25 * step and at_rest(POS)(now), "step")
+
     def test_stop_stops_all_at_once_and_answers_at_standstill(self, rig: Rig) -> None:
         onlooker = rig.up()
         rig.move(rig.session.motion.run, [VEL], [3.0], [100.0], [20.0])
@@ -569,6 +575,17 @@ class TestEnd:
         assert at_rest(VEL)(status(onlooker))
         assert status(onlooker).servo_on.all()  # bus and servos stay on
         assert status(onlooker).communicating
+
+    def test_an_axis_that_another_client_has_taken_over_is_not_its_own_any_more(self, harness: ThreadHarness) -> None:
+        rig = Rig(harness)
+        onlooker = rig.up()
+        rig.move(rig.session.motion.run, [VEL], [2.0], [100.0], [20.0])
+        wait_status(onlooker, moving(VEL), "motion")
+        assert onlooker.core_motion.velocity.StartVel(vel(VEL, 1.0)) == 0
+        some_cycles(onlooker, 10)
+        rig.session.end()
+        ended = some_cycles(onlooker, 300)
+        assert ended.velocity_cmd[VEL] == 1.0
 
     @pytest.mark.parametrize("own", [True, False])
     def test_only_a_bus_that_this_node_started_may_end_with_it(self, harness: ThreadHarness, own: bool) -> None:
