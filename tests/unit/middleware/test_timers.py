@@ -111,6 +111,18 @@ def test_a_timer_cancelled_by_another_does_not_fire() -> None:
     assert calls == []
 
 
+def test_clock_set_back_does_not_stop_timers() -> None:
+    clock = FakeClock()
+    schedule = Schedule(clock)
+    calls: list[float] = []
+    schedule.add(0.1, lambda: calls.append(clock.now_s))
+    clock.now_s = 1.0
+    run(schedule)
+    clock.now_s = 1.11
+    run(schedule)
+    assert calls == [1.11]
+
+
 @pytest.mark.parametrize("period_s", [0.0, -1.0, math.inf, math.nan])
 def test_invalid_timer_period_is_rejected(period_s: float) -> None:
     with pytest.raises(ValueError, match="period"):

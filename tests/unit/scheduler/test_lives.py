@@ -125,6 +125,22 @@ def test_a_safe_output_may_wait_for_an_answer() -> None:
     assert seen == [(pytest.approx(0.308), [1])]  # 3 + 1 + 3 + 1 ms
 
 
+def test_a_process_may_be_killed_while_its_safe_output_waits() -> None:
+    class Waiting(Bare):
+        def safe_output(self) -> None:
+            self.port.wait_until(lambda: False, 0.5, loop=True)
+
+    changes = Changes()
+    with rig() as stage:
+        stage.scheduler.add_observer(changes)
+        process = stage.scheduler.spawn("node", lambda: Waiting("node", lambda _: None))
+        stage.scheduler.at(300_000_000, process.stop)
+        stage.scheduler.at(400_000_000, process.kill)
+        stage.scheduler.run(1.0)
+        assert process.exit_code == -9
+    assert changes.seen[-1] == (400, "node", LifeChange.KILLED)
+
+
 def test_hung_process_is_inactive_then_resumes() -> None:
     topic, order = row(depth=2), row("/order", depth=2)
     changes = Changes()
