@@ -11,60 +11,37 @@ from robot_stack.drive.hardware_params import SwerveHardwareParams
 from robot_stack.drive.params import SwerveControllerParams, module_limits
 from tests.unit.drive.robot import PARAMS, ROBOT
 
+FILES = {"swerve_controller": SwerveControllerParams, "swerve_hardware_interface": SwerveHardwareParams}
 
-def changed(name: str, path: str, value: Any) -> dict[str, Any]:
+
+@pytest.mark.parametrize(
+    ("name", "path", "value", "says"),
+    [
+        ("swerve_controller", "module.steering_share", 1.5, ""),
+        ("swerve_controller", "module.slip_tolerance_mps", 0.0, ""),
+        ("swerve_controller", "module.reversal_hysteresis_rad", 2.0, ""),
+        ("swerve_controller", "drive.align_tolerance_rad", float("nan"), ""),
+        ("swerve_controller", "drive.longest_step_s", float("inf"), ""),
+        ("swerve_controller", "odometry.slip_factor", 0.5, ""),
+        ("swerve_controller", "odometry.calibration.radius_deviation", 0.5, ""),
+        ("swerve_hardware_interface", "steering_periods", 0.5, ""),
+        ("swerve_hardware_interface", "session.attempts", 0, ""),
+        ("swerve_hardware_interface", "command_lifetime_s", 0.6, ""),
+        ("swerve_hardware_interface", "session.probe_period_s", 0.0, ""),
+        ("swerve_hardware_interface", "session.retry_s", -1.0, ""),
+        # A command must outlive the time after which the node answers silence.
+        ("swerve_hardware_interface", "command_lifetime_s", 0.15, r"command_lifetime_s must be above 0\.15"),
+    ],
+)
+def test_refused_values(name: str, path: str, value: Any, says: str):
     data = read_yaml(config_dir() / f"{name}.yaml")
     *branch, leaf = path.split(".")
     target = data
     for part in branch:
         target = target[part]
     target[leaf] = value
-    return data
-
-
-@pytest.mark.parametrize(
-    ("path", "value"),
-    [
-        ("module.steering_share", 1.5),
-        ("module.slip_tolerance_mps", 0.0),
-        ("module.reversal_hysteresis_rad", 2.0),
-        ("drive.align_tolerance_rad", float("nan")),
-        ("drive.longest_step_s", float("inf")),
-        ("odometry.slip_factor", 0.5),
-        ("odometry.calibration.radius_deviation", 0.5),
-        ("standing.speed_mps", "fast"),
-    ],
-)
-def test_controller_refuses(path: str, value: Any):
-    with pytest.raises(ConfigError, match=f"test: {path}: "):
-        validate(SwerveControllerParams, changed("swerve_controller", path, value), "test")
-
-
-@pytest.mark.parametrize(
-    ("path", "value"),
-    [
-        ("steering_periods", 0.5),
-        ("session.attempts", 0),
-        ("command_lifetime_s", 0.6),
-        ("session.probe_period_s", 0.0),
-        ("session.retry_s", -1.0),
-    ],
-)
-def test_hardware_interface_refuses(path: str, value: Any):
-    with pytest.raises(ConfigError, match=f"test: {path}: "):
-        validate(SwerveHardwareParams, changed("swerve_hardware_interface", path, value), "test")
-
-
-def test_life_of_a_command_that_ends_before_the_node_answers_silence_is_refused():
-    with pytest.raises(ConfigError, match=r"command_lifetime_s must be above 0\.15"):
-        validate(SwerveHardwareParams, changed("swerve_hardware_interface", "command_lifetime_s", 0.15), "test")
-
-
-def test_missing_parameter_is_named():
-    data = read_yaml(config_dir() / "swerve_controller.yaml")
-    del data["module"]["slip_tolerance_mps"]
-    with pytest.raises(ConfigError, match=r"module\.slip_tolerance_mps: is missing"):
-        validate(SwerveControllerParams, data, "test")
+    with pytest.raises(ConfigError, match=says or f"test: {path}: "):
+        validate(FILES[name], data, "test")
 
 
 def test_module_limits_are_derived_from_robot_parameters():

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from robot_stack.contract.faults import FAULTS, join_codes, split_codes
 from robot_stack.core.geometry import Twist2
-from robot_stack.core.limits import SafetyLimit, SpeedLimit
+from robot_stack.core.limits import MotionLimits, SafetyLimit, SpeedLimit
 from robot_stack.drive.arbitration import NO_COMMAND, Command, Source
 from robot_stack.drive.permission import Action, Situation, permit
 from tests.unit.drive.robot import EMPTY, WITH_PASSENGER
@@ -45,10 +45,21 @@ def test_all_well():
     permission = decide()
     assert (permission.action, permission.requested, permission.limits) == (Action.DRIVE, WISH, EMPTY)
     assert (permission.ready, permission.reason) == (True, "navigation drives")
-
-
-def test_permission_reports_idle_without_command():
     assert decide(holder=None, requested=NO_COMMAND).reason == "idle"
+
+
+@pytest.mark.parametrize(
+    ("limit", "passenger", "expected"),
+    [
+        (limited(0.0, 0.0, "LOCALIZATION_LOST,SLOPE"), False, EMPTY.slower(SpeedLimit(0.0, 0.0))),
+        (limited(0.3, 0.5, "COLLISION_IMMINENT"), False, EMPTY.slower(SpeedLimit(0.3, 0.5))),
+        (limited(1.2, 0.4, "OBSTACLE_NEAR"), True, WITH_PASSENGER.slower(SpeedLimit(1.0, 0.4))),
+    ],
+    ids=["soft stop", "slow is no hard stop", "passenger"],
+)
+def test_limits(limit: SafetyLimit, passenger: bool, expected: MotionLimits):
+    permission = decide(speed_limit=limit, passenger=passenger)
+    assert (permission.action, permission.limits) == (Action.DRIVE, expected)
 
 
 @pytest.mark.parametrize(
@@ -62,16 +73,8 @@ def test_permission_reports_idle_without_command():
         ({"speed_limit_fresh": False}, Action.BRAKE, False),
         ({"speed_limit": None, "speed_limit_fresh": False, "safety_status_fresh": False}, Action.DRIVE, False),
         ({"must_rest": True}, Action.DRIVE, True),
-        ({"speed_limit": limited(0.0, 0.0, "COLLISION_IMMINENT")}, Action.BRAKE, True),
-        ({"speed_limit": limited(0.0, 0.0, "PASSENGER_ONBOARD,COLLISION_IMMINENT")}, Action.BRAKE, True),
-        ({"speed_limit": limited(0.0, 0.0, "TILT")}, Action.BRAKE, True),
-        ({"speed_limit": limited(0.0, 0.0, "COLLISION_IMMINENT, NODE_DEAD")}, Action.BRAKE, True),
         ({"speed_limit": limited(0.0, 0.0, "LOCALIZATION_LOST, SLOPE")}, Action.BRAKE, True),
-        ({"speed_limit": limited(0.0, 0.0, "LOCALIZATION_LOST,NEW_CODE")}, Action.BRAKE, True),
         ({"speed_limit": limited(0.0, 0.0, "LOCALIZATION_LOST,")}, Action.BRAKE, True),
-        ({"speed_limit": limited(0.0, 0.0, "LOCALIZATION_LOST,LIDAR_TIMEOUT")}, Action.BRAKE, True),
-        ({"speed_limit": limited(0.0, 0.0, "NEW_CODE")}, Action.BRAKE, True),
-        ({"speed_limit": limited(0.0, 0.0, "")}, Action.BRAKE, True),
         ({"speed_limit": limited(0.0, 0.5, "")}, Action.BRAKE, True),
         ({"speed_limit": limited(-1.0, 0.5, "")}, Action.BRAKE, True),
         ({"speed_limit": limited(math.nan, math.nan, "")}, Action.BRAKE, True),
@@ -81,23 +84,6 @@ def test_whatever_is_wrong_the_wish_is_standstill(changes: dict[str, object], ac
     permission = decide(**changes)
     assert (permission.action, permission.requested, permission.ready) == (action, NO_COMMAND, ready)
     assert permission.reason
-
-
-@pytest.mark.parametrize("reason", ["LOCALIZATION_LOST", "SLOPE", "LOCALIZATION_LOST,SLOPE"])
-def test_soft_stop_keeps_the_comfort(reason: str):
-    permission = decide(speed_limit=limited(0.0, 0.0, reason))
-    assert permission.action is Action.DRIVE
-    assert permission.limits.speed_mps == 0.0
-
-
-def test_nonzero_speed_limit_is_not_a_hard_stop():
-    assert decide(speed_limit=limited(0.3, 0.5, "COLLISION_IMMINENT")).action is Action.DRIVE
-    assert decide(speed_limit=limited(0.3, 0.5, "SLOPE")).limits.speed_mps == 0.3
-
-
-def test_passenger_limits_and_safety_limit_both_hold():
-    permission = decide(passenger=True, speed_limit=limited(1.2, 0.4, "OBSTACLE_NEAR"))
-    assert permission.limits == WITH_PASSENGER.slower(SpeedLimit(1.0, 0.4))
 
 
 @given(st.sets(st.sampled_from([*(fault.code for fault in FAULTS), "WAY_UNSEEN", "NEW_CODE"])), st.randoms())

@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from robot_stack.contract.frames import JOINTS
@@ -176,20 +175,25 @@ def story(file: Path) -> Story:
     return Story(file)
 
 
-# --- start
-# -------------------------------------------------------------------------------------------------------------
-
-
 def test_from_nothing_to_ready(story: Story):
+    """From wrong command modes and an alarm. Wheels need no home."""
+    story.engine.snapshot.flags[Flag.COMMAND_MODE] = 0
+    story.engine.set_flag(Flag.AMP_ALARM, 2, 1)
+    for axis in AXES.drive_axes:
+        story.engine.set_flag(Flag.HOME_DONE, axis, 0)
     assert story.tick()[0] is Stage.COMMUNICATION
     assert story.session.state.snapshot is None  # no joint states before the bus is up
-    assert story.tick()[0] is Stage.SWITCHING_ON
-    assert story.tick()[0] is Stage.READY
-    assert [call for call in story.engine.calls if call != "GetDeviceName"] == [
+    story.tick(0.3)
+    assert story.session.ready
+    assert [
+        call for call in story.engine.calls if call not in ("GetDeviceName", "ClearAmpAlarm", "ClearAxisAlarm")
+    ] == [
         "StartCommunication",
         "ImportAndSetAll",
+        *["SetAxisCommandMode"] * 4,
         "SetServoOn(1)",
     ]
+    assert story.engine.snapshot.flags[Flag.COMMAND_MODE].tolist() == [1, 0, 1, 0, 1, 0, 1, 0]
 
 
 def test_no_servo_comes_on_and_no_position_is_valid_without_the_parameters(story: Story, file: Path):
@@ -230,16 +234,6 @@ def test_parameters_other_than_the_robots_are_a_start_error(tmp_path: Path):
     assert story.session.ready
 
 
-def test_a_new_engine_gets_the_parameters_again(story: Story):
-    story.ready()
-    story.engine.codes["GetDeviceName"] = ErrorCode.IMLibIsNotRunning
-    story.tick(0.1)
-    story.engine = FakeEngine()
-    story.tick(0.5)
-    assert story.session.ready
-    assert story.engine.calls.count("ImportAndSetAll") == 1
-
-
 def test_steering_without_home_does_not_move(story: Story):
     """Its servos come on, because a homing needs them."""
     story.engine.set_flag(Flag.HOME_DONE, 1, 0)
@@ -254,12 +248,6 @@ def test_steering_without_home_does_not_move(story: Story):
     story.engine.set_flag(Flag.HOME_DONE, slice(None), 1)
     story.tick()
     assert story.session.ready
-
-
-def test_wheels_need_no_home(story: Story):
-    for axis in AXES.drive_axes:
-        story.engine.set_flag(Flag.HOME_DONE, axis, 0)
-    story.ready()
 
 
 def test_axes_are_the_robots(tmp_path: Path):
@@ -277,15 +265,6 @@ def test_axes_are_the_robots(tmp_path: Path):
     assert story.tick() == (Stage.TRIPPED, "rr_drive alarm 0")
     moves = drive_moves((0.1, 0.2, 0.3, 0.4), [0.0] * 4, axis_settings(PARAMS, robot, 50.0))
     assert [move.axis for move in moves] == [3, 2, 1, 0]
-
-
-def test_wrong_modes_are_set_before_the_servos_come_on(story: Story):
-    story.engine.snapshot.flags[Flag.COMMAND_MODE] = 0
-    story.tick(0.2)
-    calls = story.engine.calls
-    assert calls.count("SetAxisCommandMode") == 4
-    assert calls.index("SetAxisCommandMode") < calls.index("SetServoOn(1)")
-    assert story.engine.snapshot.flags[Flag.COMMAND_MODE].tolist() == [1, 0, 1, 0, 1, 0, 1, 0]
 
 
 def test_absent_engine_is_looked_for_often(story: Story):
@@ -318,30 +297,17 @@ def test_servos_need_permission(story: Story):
     )
     assert "SetServoOn(1)" not in story.engine.calls
     assert story.session.state.snapshot is not None  # joint states are published anyway
-
-
-def test_refused_servo_request_is_reported_and_repeated(story: Story):
     story.engine.codes["SetServoOn(1)"] = ErrorCode.ServoOffline
-    _, text = story.tick(1.2)
-    assert text == f"servo on: ServoOffline (error {int(ErrorCode.ServoOffline)})"
+    assert story.tick(1.2)[1] == f"servo on: ServoOffline (error {int(ErrorCode.ServoOffline)})"
     assert story.engine.calls.count("SetServoOn(1)") == 3
-
-
-def test_alarms_at_the_start_are_cleared(story: Story):
-    story.engine.set_flag(Flag.AMP_ALARM, 2, 1)
-    story.tick(0.3)
-    assert story.session.ready
-    assert "ExecEStop" not in story.engine.calls
-
-
-# --- emergency stop
-# ------------------------------------------------------------------------------------------------------
 
 
 def test_stop_and_release(story: Story):
     story.ready()
     assert story.session.emergency_stop() == ""
     assert story.tick(stop=True) == (Stage.STOPPED, "emergency stop")
+    assert story.session.move(DRIVES, STEERS).problem == "not ready: emergency stop"
+    assert story.engine.started == []
     assert story.engine.calls.count("ExecEStop") == 1
     assert story.tick(may=False) == (Stage.STOPPED, "emergency stop, waiting for the safety monitor")
     assert "ReleaseEStop" not in story.engine.calls
@@ -361,17 +327,13 @@ def test_stop_is_repeated_until_the_engine_shows_it(story: Story):
     assert story.engine.snapshot.emergency_stop
 
 
-def test_no_motion_during_a_stop(story: Story):
-    story.ready()
-    story.tick(stop=True)
-    assert story.session.move(DRIVES, STEERS).problem == "not ready: emergency stop"
-    assert story.engine.started == []
-
-
-def test_existing_stop_at_session_start_requires_stop_and_release(story: Story):
+@pytest.mark.parametrize("at_start", [True, False])
+def test_stop_of_another_source_requires_stop_and_release(story: Story, at_start: bool):
     """A restarted session cannot know the reason of the stop: a person may stand in front of the robot."""
+    if not at_start:
+        story.ready()
     story.engine.snapshot = replace(story.engine.snapshot, emergency_stop=True)
-    story.tick(1.0, may=False)
+    story.tick(1.0, may=not at_start)
     stage, text = story.tick(5.0)
     assert (stage, text) == (
         Stage.TRIPPED,
@@ -382,21 +344,6 @@ def test_existing_stop_at_session_start_requires_stop_and_release(story: Story):
     story.tick(0.3, stop=True)
     story.tick(0.5)
     assert story.session.ready
-
-
-def test_external_stop_requires_stop_and_release(story: Story):
-    story.ready()
-    story.engine.snapshot = replace(story.engine.snapshot, emergency_stop=True)
-    stage, text = story.tick(5.0)
-    assert stage is Stage.TRIPPED
-    assert text == "an emergency stop of another source; needs an emergency stop and its release"
-    story.tick(stop=True)
-    story.tick(0.2)
-    assert story.session.ready
-
-
-# --- faults
-# ----------------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -459,6 +406,7 @@ def test_ended_engine_is_forgotten_and_found_again(story: Story):
     story.tick(0.5)
     assert story.opened == 2
     assert story.session.ready
+    assert story.engine.calls.count("ImportAndSetAll") == 1
 
 
 def test_hanging_engine_is_not_polled_every_tick(story: Story):
@@ -474,20 +422,13 @@ def test_hanging_engine_is_not_polled_every_tick(story: Story):
     assert story.session.state.snapshot is None
     assert story.engine.calls.count("GetDeviceName") <= 2
     story.engine.codes.clear()
+    story.now_s -= 1000.0  # time that runs back holds nothing up
     story.tick()
     assert story.session.ready
-
-
-def test_status_with_too_few_axes_is_rejected(story: Story):
-    story.ready()
     story.engine.snapshot = replace(empty_snapshot(4), engine_state=EngineState.Communicating)
-    assert story.tick()[0] is Stage.CONNECTING
+    assert story.tick()[0] is Stage.CONNECTING, "too few axes"
     assert story.session.state.snapshot is None
     assert story.session.look() is None
-
-
-# --- motion
-# --------------------------------------------------------------------------------------------------------------
 
 
 def test_headings_go_first_and_wheels_only_after_them(story: Story):
@@ -569,12 +510,3 @@ def test_motion_on_an_engine_that_has_just_ended(story: Story):
     assert story.session.move(DRIVES, []).problem == "the motion engine has ended"
     assert story.session.look() is None
     assert story.session.emergency_stop() == "no engine to stop"
-
-
-def test_time_that_runs_back_holds_nothing_up(story: Story):
-    story.ready()
-    story.now_s -= 1000.0
-    story.engine.calls.clear()
-    story.tick(0.2)
-    assert "GetDeviceName" in story.engine.calls
-    assert np.isfinite(story.now_s)

@@ -20,28 +20,16 @@ speeds = st.floats(-2.0, 2.0)
 IDS, STILL, AHEAD = [0, 1, 2, 3], [0.0] * 4, [0.0] * 4
 
 
-# --- checks
-# ------------------------------------------------------------------------------------------------------------
-
-
-def test_set_points_are_sorted_by_module():
-    got = checked_set_points([2, 0, 3, 1], [0.2, 0.0, 0.3, 0.1], [2.0, 0.0, 3.0, 1.0], MAX_MPS)
-    assert (got.speeds_mps, got.angles_rad) == ((0.0, 0.1, 0.2, 0.3), (0.0, 1.0, 2.0, 3.0))
-
-
 @pytest.mark.parametrize(
     ("ids", "speeds_mps", "angles_rad", "says"),
     [
-        ([0, 1, 2], [0.0] * 3, [0.0] * 3, "module_id must be 0..3, each once, is 0, 1, 2"),
         ([0, 1, 2, 2], STILL, AHEAD, "module_id must be 0..3, each once, is 0, 1, 2, 2"),
         ([0, 1, 2, 4], STILL, AHEAD, "module_id must be"),
         ([], [], [], "module_id must be 0..3, each once, is empty"),
         (IDS, [0.0, math.nan, 0.0, 0.0], AHEAD, r"drive_velocity of fr must be within \+-2.475 m/s, is nan"),
         (IDS, [0.0, 0.0, 0.0, 2.5], AHEAD, "drive_velocity of rr must be within"),
-        (IDS, [-math.inf, 0.0, 0.0, 0.0], AHEAD, "drive_velocity of fl must be within"),
         (IDS, STILL, [0.0, 0.0, math.nan, 0.0], r"steering_angle of rl must be within \+-pi rad, is nan"),
         (IDS, STILL, [3.2, 0.0, 0.0, 0.0], "steering_angle of fl must be within"),
-        (IDS, STILL, [math.inf, 0.0, 0.0, 0.0], "steering_angle of fl must be within"),
     ],
 )
 def test_refusals_name_field_and_limit(ids: list[int], speeds_mps: list[float], angles_rad: list[float], says: str):
@@ -49,13 +37,9 @@ def test_refusals_name_field_and_limit(ids: list[int], speeds_mps: list[float], 
         checked_set_points(ids, speeds_mps, angles_rad, MAX_MPS)
 
 
-def test_the_limits_themselves_are_allowed():
-    got = checked_set_points(IDS, [MAX_MPS, -MAX_MPS, 0.0, 0.0], [math.pi, -math.pi, 0.0, 0.0], MAX_MPS)
-    assert got.speeds_mps[:2] == (MAX_MPS, -MAX_MPS)
-
-
-# --- wheels
-# --------------------------------------------------------------------------------------------------------------
+def test_set_points_are_sorted_by_module_and_may_reach_their_limits():
+    got = checked_set_points([2, 0, 3, 1], [-MAX_MPS, 0.0, MAX_MPS, 0.1], [math.pi, 0.0, -math.pi, 1.0], MAX_MPS)
+    assert (got.speeds_mps, got.angles_rad) == ((0.0, 0.1, -MAX_MPS, MAX_MPS), (0.0, 1.0, math.pi, -math.pi))
 
 
 def test_an_ordinary_change_takes_exactly_one_period():
@@ -127,30 +111,10 @@ def test_stop_asked_for_again_and_again_is_one_even_ramp(start: tuple[float, flo
     assert velocities == pytest.approx([0.0] * 4, abs=1e-12)
 
 
-def test_moves_of_standing_wheels_have_zero_speed_and_positive_acceleration():
-    for move in (*stop_moves([0.0] * 4, SETTINGS), *drive_moves((0.0, 0.0, 0.0, 0.0), [0.0] * 4, SETTINGS)):
-        assert move.velocity_radps == 0.0
-        assert move.acceleration_radps2 > 0.0
-
-
-# --- steering
-# -------------------------------------------------------------------------------------------------------------
-
-
-def test_headings_unwrap_to_the_nearest_turn():
-    positions = [3.0, -3.0, 20.0 * math.pi + 0.1, 0.0]
-    moves = steer_moves((-3.0, 3.0, 0.2, math.pi), positions, SETTINGS)
-    assert [move.axis for move in moves] == [1, 3, 5, 7]
-    targets = [move.target_rad for move in moves]
-    assert targets[0] == pytest.approx(2.0 * math.pi - 3.0)
-    assert targets[1] == pytest.approx(3.0 - 2.0 * math.pi)
-    assert targets[2] == pytest.approx(20.0 * math.pi + 0.2)
-    assert abs(targets[3]) == pytest.approx(math.pi)
-
-
 def test_steering_is_paced_and_limited():
     # 0.06 rad in 1.2 periods of 50 ms is 1 rad/s; half a turn is limited by the axis.
     moves = steer_moves((0.06, 0.0, 3.0, -0.06), [0.0] * 4, SETTINGS)
+    assert [move.axis for move in moves] == [1, 3, 5, 7]
     assert [move.rate_radps for move in moves] == pytest.approx([1.0, 0.05, ROBOT.steer.max_rate_radps, 1.0])
     assert {move.acceleration_radps2 for move in moves} == {ROBOT.steer.max_acceleration_radps2}
 
