@@ -15,8 +15,9 @@ from robot_stack.core.atomic_file import create_file, replace_file, sync_folder
 def test_content_is_replaced_and_no_draft_is_left(tmp_path: Path, content: str | bytes) -> None:
     path = tmp_path / "state.yaml"
     path.write_text("a longer text than the new one")
-    replace_file(path, content)
+    replace_file(path, content, mode=0o600)
     assert path.read_bytes() == (content.encode() if isinstance(content, str) else content)
+    assert path.stat().st_mode & 0o777 == 0o600
     assert list(tmp_path.iterdir()) == [path]
 
 
@@ -59,6 +60,19 @@ def test_content_is_on_the_disk_before_the_name_and_the_name_on_return(
     assert order == ["replace"]
 
 
+def test_folder_that_is_missing_is_an_error_and_one_that_cannot_be_synced_is_none(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(_: int) -> None:
+        raise OSError(errno.EINVAL, "Invalid argument")
+
+    for act in (lambda: replace_file(tmp_path / "missing" / "file", "x"), lambda: sync_folder(tmp_path / "missing")):
+        with pytest.raises(FileNotFoundError):
+            act()
+    monkeypatch.setattr(os, "fsync", refuse)
+    sync_folder(tmp_path)
+
+
 def test_new_file_never_replaces_another(tmp_path: Path) -> None:
     path = tmp_path / "state.yaml"
     create_file(path, "first")
@@ -66,24 +80,3 @@ def test_new_file_never_replaces_another(tmp_path: Path) -> None:
         create_file(path, "second")
     assert path.read_text() == "first"
     assert list(tmp_path.iterdir()) == [path]
-
-
-def test_mode_of_the_new_file(tmp_path: Path) -> None:
-    path = tmp_path / "secret"
-    replace_file(path, "x", mode=0o600)
-    assert path.stat().st_mode & 0o777 == 0o600
-
-
-def test_missing_folder_is_an_error(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError):
-        replace_file(tmp_path / "missing" / "file", "x")
-    with pytest.raises(FileNotFoundError):
-        sync_folder(tmp_path / "missing")
-
-
-def test_file_system_that_cannot_sync_folders_is_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(_: int) -> None:
-        raise OSError(errno.EINVAL, "Invalid argument")
-
-    monkeypatch.setattr(os, "fsync", refuse)
-    sync_folder(tmp_path)

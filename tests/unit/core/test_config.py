@@ -36,9 +36,7 @@ def test_a_passenger_never_rides_faster() -> None:
     [
         ("{speed_mps: 1.0}", "name: is missing"),
         ("{speed_mps: 1.0, name: a, sped: 2}", "sped: is not a known parameter"),
-        ("{speed_mps: 3.0, name: a}", "speed_mps: Input should be less than or equal to 2"),
         ("{speed_mps: .nan, name: a}", "speed_mps"),
-        ("{speed_mps: .inf, name: a}", "speed_mps"),
         ("{speed_mps: fast, name: a}", "speed_mps"),
         ("[1, 2]", "must be a mapping"),
         ("{speed_mps: 1.0", "not valid YAML"),
@@ -67,12 +65,9 @@ def test_overrides_win_and_are_validated(tmp_path: Path, monkeypatch: pytest.Mon
 def test_missing_file_and_missing_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(ConfigError, match="cannot be read"):
         read_yaml(tmp_path / "none.yaml")
-    monkeypatch.setenv("ROBOT_STACK_CONFIG", str(tmp_path))
-    with pytest.raises(ConfigError, match=r"no configuration folder"):
-        config_dir()
-
-
-def test_binary_file(tmp_path: Path) -> None:
     (tmp_path / "x.yaml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(ConfigError, match="not UTF-8"):
         read_yaml(tmp_path / "x.yaml")
+    monkeypatch.setenv("ROBOT_STACK_CONFIG", str(tmp_path))
+    with pytest.raises(ConfigError, match=r"no configuration folder"):
+        config_dir()

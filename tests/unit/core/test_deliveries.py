@@ -45,46 +45,29 @@ def owed(own: Delivery, *publishers: Delivery) -> list[Debt]:
     return debts(own, rows_taken(own), publishers_by_row([own, *publishers]))
 
 
-def test_subscriber_that_took_newest_message_has_no_debt() -> None:
-    """The middleware's stamp lies between the publisher's record and the end of its call."""
-    assert owed(subscriber(taken_ns=105), publisher(sent_ns=100)) == []
+@pytest.mark.parametrize(
+    ("taken_ns", "sent_ns", "due_ns"),
+    [
+        (105, [100], None),  # the middleware's stamp lies between the publisher's record and the end of its call
+        (95, [100], 100),
+        (0, [100], None),  # nothing taken yet
+        (105, [100, 90, 0], None),
+        (105, [100, 120], 120),  # of several publishers the latest counts
+        (105, [0], None),  # a publisher that has restarted
+        (105, [200], 200),
+    ],
+)
+def test_the_newest_message_that_was_not_taken_is_owed(taken_ns: int, sent_ns: list[int], due_ns: int | None) -> None:
+    publishers = [publisher(sent) for sent in sent_ns]
+    own = subscriber(taken_ns)
+    assert owed(own, *publishers) == ([] if due_ns is None else [Debt(ROW, due_ns)])
+    if due_ns is not None:
+        own.taken[ROW] = due_ns + 1
+        assert owed(own, *publishers) == [], "it settles those that it overwrote"
 
 
-def test_a_message_that_was_not_taken_is_owed() -> None:
-    assert owed(subscriber(taken_ns=95), publisher(sent_ns=100)) == [Debt(ROW, 100)]
-
-
-def test_subscriber_without_taken_message_has_no_debt() -> None:
-    assert owed(subscriber(taken_ns=0), publisher(sent_ns=100)) == []
-
-
-def test_overwritten_message_is_settled_by_taking_newer_one() -> None:
-    own, other = subscriber(taken_ns=51), publisher(sent_ns=50)
-    other.published[ROW] = 100
-    other.published[ROW] = 150  # depth 1: this overwrites the one of 100
-    assert owed(own, other) == [Debt(ROW, 150)]
-    own.taken[ROW] = 151
-    assert owed(own, other) == []
-
-
-def test_of_several_publishers_the_latest_counts() -> None:
-    own = subscriber(taken_ns=105)
-    assert owed(own, publisher(100), publisher(90), publisher(0)) == []
-    assert owed(own, publisher(100), publisher(120)) == [Debt(ROW, 120)]
-
-
-def test_restarted_publisher_creates_debt_from_first_message() -> None:
-    own, reborn = subscriber(taken_ns=105), publisher(sent_ns=0)
-    assert owed(own, reborn) == []
-    reborn.published[ROW] = 200
-    assert owed(own, reborn) == [Debt(ROW, 200)]
-
-
-def test_rows_do_not_mix() -> None:
+def test_rows_do_not_mix_and_only_publishers_publish() -> None:
     assert owed(subscriber(taken_ns=95), publisher(sent_ns=100, row=OTHER)) == []
-
-
-def test_a_node_that_only_takes_publishes_nothing() -> None:
     assert publishers_by_row([subscriber(), publisher()]).keys() == {ROW}
 
 

@@ -35,39 +35,20 @@ def assert_same(a: Pose2, b: Pose2, tolerance: float = 1e-9) -> None:
     assert abs(wrap_angle(a.yaw - b.yaw)) < tolerance
 
 
-@pytest.mark.parametrize(
-    ("angle", "expected"), [(0.0, 0.0), (math.pi, -math.pi), (-math.pi, -math.pi), (3 * math.pi / 2, -math.pi / 2)]
-)
-def test_wrap_angle(angle: float, expected: float) -> None:
-    assert wrap_angle(angle) == pytest.approx(expected)
-
-
 @given(st.floats(-1e4, 1e4))
 def test_wrap_angle_keeps_the_direction(angle: float) -> None:
     wrapped = wrap_angle(angle)
+    assert wrap_angle(math.pi) == -math.pi
     assert -math.pi <= wrapped < math.pi
     assert math.isclose(math.cos(wrapped), math.cos(angle), abs_tol=1e-9)
     assert math.isclose(math.sin(wrapped), math.sin(angle), abs_tol=1e-9)
 
 
-def test_compose_by_hand() -> None:
-    # One metre ahead of a robot at (1, 2) that faces +y is (1, 3).
-    assert_same(Pose2(1.0, 2.0, math.pi / 2).compose(Pose2(1.0, 0.0, 0.0)), Pose2(1.0, 3.0, math.pi / 2))
-
-
-@given(poses)
-def test_inverse(pose: Pose2) -> None:
-    assert_same(pose.compose(pose.inverse()), IDENTITY, 1e-7)
-
-
 @given(poses, poses)
 def test_relative_to_undoes_compose(a: Pose2, b: Pose2) -> None:
     assert_same(a.compose(b).relative_to(a), b, 1e-7)
-
-
-def test_exp_of_a_quarter_circle() -> None:
-    # 1 m/s at 1 rad/s is a circle of radius 1 m; after a quarter turn the body is at (1, 1) and faces +y.
-    assert_same(exp_se2(Twist2(1.0, 0.0, 1.0), math.pi / 2), Pose2(1.0, 1.0, math.pi / 2))
+    assert_same(a.compose(a.inverse()), IDENTITY, 1e-7)
+    assert_same(Pose2(1.0, 2.0, math.pi / 2).compose(Pose2(1.0, 0.0, 0.0)), Pose2(1.0, 3.0, math.pi / 2))
 
 
 @given(twists, st.floats(0.0, 1.0))

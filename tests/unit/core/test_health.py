@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import pytest
+
 from robot_stack.core.health import InputHealth
 
 
@@ -13,33 +15,26 @@ def _health(stale_s: float | None = 0.1) -> InputHealth:
     return health
 
 
-def test_never_received_is_infinitely_old_and_not_fresh() -> None:
-    health = _health()
-    assert health.age_s("imu", 5.0) == math.inf
-    assert not health.fresh("imu", 5.0)
-    assert not _health(None).fresh("imu", 5.0)
-
-
-def test_fresh_up_to_the_limit() -> None:
-    health = _health()
-    health.received("imu", 1.0)
-    assert health.fresh("imu", 1.0)
-    assert health.fresh("imu", 1.0999)
-    assert not health.fresh("imu", 1.1001)
-
-
-def test_without_a_limit_the_first_message_is_enough() -> None:
-    health = _health(None)
-    health.received("imu", 1.0)
-    assert health.fresh("imu", 1e6)
-
-
-def test_time_that_runs_backwards_is_not_fresh() -> None:
-    health = _health()
-    health.received("imu", 100.0)
-    assert not health.fresh("imu", 3.0)
-    health.received("imu", 3.0)
-    assert health.fresh("imu", 3.05)
+@pytest.mark.parametrize(
+    ("stale_s", "received_s", "now_s", "fresh"),
+    [
+        (0.1, None, 5.0, False),
+        (None, None, 5.0, False),
+        (0.1, 1.0, 1.0, True),
+        (0.1, 1.0, 1.0999, True),
+        (0.1, 1.0, 1.1001, False),
+        (None, 1.0, 1e6, True),
+        (0.1, 100.0, 3.0, False),  # time that runs backwards
+    ],
+)
+def test_fresh(stale_s: float | None, received_s: float | None, now_s: float, fresh: bool) -> None:
+    health = _health(stale_s)
+    assert health.age_s("imu", now_s) == math.inf
+    if received_s is not None:
+        health.received("imu", received_s)
+    assert health.fresh("imu", now_s) is fresh
+    health.received("imu", now_s)
+    assert health.fresh("imu", now_s + 0.05)
 
 
 def test_rate_over_a_window() -> None:

@@ -11,18 +11,6 @@ from hypothesis import strategies as st
 from robot_stack.core.pauses import LONGEST_S, SHARE, PauseBudget
 
 
-def test_short_pause_is_excused_fully_and_long_pause_partly() -> None:
-    assert PauseBudget(10.0).excuse(0.12, 11.0) == 0.12
-    assert PauseBudget(10.0).excuse(0.6, 11.0) == LONGEST_S
-
-
-def test_pauses_one_after_the_other_use_the_budget_up() -> None:
-    budget = PauseBudget(0.0)
-    assert budget.excuse(0.2, 0.2) == 0.2
-    assert budget.excuse(0.2, 0.4) == pytest.approx(0.05)
-    assert budget.excuse(0.2, 0.6) == 0.0
-
-
 def test_the_budget_fills_while_the_process_runs() -> None:
     budget = PauseBudget(0.0)
     assert budget.excuse(0.25, 0.25) == 0.25
@@ -30,14 +18,22 @@ def test_the_budget_fills_while_the_process_runs() -> None:
     assert budget.excuse(0.25, 9.0) == 0.25
 
 
-@pytest.mark.parametrize("late_s", [0.0, -1.0, math.nan])
-def test_non_positive_or_nan_pause_is_not_excused(late_s: float) -> None:
-    assert PauseBudget(0.0).excuse(late_s, 1.0) == 0.0
-
-
-def test_time_that_runs_backwards_excuses_nothing() -> None:
-    assert PauseBudget(5.0).excuse(0.1, 4.0) == 0.0
-    assert PauseBudget(5.0).excuse(0.1, math.nan) == 0.0
+@pytest.mark.parametrize(
+    ("begun_s", "late_s", "now_s", "excused_s"),
+    [
+        (10.0, 0.12, 11.0, 0.12),
+        (10.0, 0.6, 11.0, LONGEST_S),
+        (0.0, 0.0, 1.0, 0.0),
+        (0.0, -1.0, 1.0, 0.0),
+        (0.0, math.nan, 1.0, 0.0),
+        (5.0, 0.1, 4.0, 0.0),  # time that runs backwards
+        (5.0, 0.1, math.nan, 0.0),
+    ],
+)
+def test_short_pauses_are_excused_fully_long_ones_partly(
+    begun_s: float, late_s: float, now_s: float, excused_s: float
+) -> None:
+    assert PauseBudget(begun_s).excuse(late_s, now_s) == excused_s
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 2.0), st.floats(0.0, 2.0)), max_size=40))

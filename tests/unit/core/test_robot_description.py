@@ -27,15 +27,11 @@ def robot(request: pytest.FixtureRequest) -> Robot:
     return validate(Robot, SIZES[request.param].robot(read_yaml(config_dir() / "robot.yaml")), "robot.yaml")
 
 
-def test_moving_joints_are_those_of_joint_states(robot: Robot) -> None:
-    urdf = Urdf(robot_description(robot, SHAPE))
-    assert sorted(urdf.joints) == sorted(frames.JOINTS)
-    assert urdf.links[0] == frames.BASE_LINK
-
-
 def test_wheels_are_where_the_drawn_robot_has_them(robot: Robot) -> None:
     """All visuals of base and wheels, at arbitrary joint angles."""
     urdf = Urdf(robot_description(robot, SHAPE))
+    assert sorted(urdf.joints) == sorted(frames.JOINTS)
+    assert urdf.links[0] == frames.BASE_LINK
     drawn = robot_solids(robot, SHAPE, ANGLES)
     for part, link in {
         "base": frames.BASE_LINK,
@@ -75,10 +71,3 @@ def _shift(xyz_m: tuple[float, float, float]) -> np.ndarray:
     pose = np.zeros((4, 4))
     pose[:3, 3] = xyz_m
     return pose
-
-
-def test_document_depends_on_configuration_alone() -> None:
-    robot = load_robot()
-    assert robot_description(robot, SHAPE) == robot_description(load_robot(), load_robot_shape())
-    wider = robot.model_copy(update={"track_m": robot.track_m + 0.1})
-    assert robot_description(wider, SHAPE) != robot_description(robot, SHAPE)

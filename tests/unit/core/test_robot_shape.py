@@ -31,6 +31,9 @@ def wheel(joints: dict[str, float], module: str = "fl") -> np.ndarray:
 def test_wheels_stand_where_robot_yaml_puts_them() -> None:
     for module, (x, y) in zip(("fl", "fr", "rl", "rr"), ROBOT.module_positions_m(), strict=True):
         assert wheel({}, module)[:3, 3] == pytest.approx((x, y, ROBOT.wheel_radius_m))
+    tyre = next(s for s in robot_solids(ROBOT, SHAPE, {}) if s.part == "fl_wheel" and s.solid.kind == "cylinder")
+    assert tyre.solid.size_m == (2 * ROBOT.wheel_radius_m, 2 * ROBOT.wheel_radius_m, ROBOT.wheel_width_m)
+    assert abs(tyre.pose[:3, 2]) == pytest.approx((0.0, 1.0, 0.0), abs=1e-12)  # its axis is the axle
 
 
 def test_a_module_turns_with_its_steering_joint() -> None:
@@ -52,12 +55,6 @@ def test_non_finite_angles_count_as_zero(angle: float) -> None:
     assert wheel({"fl_steer": angle}) == pytest.approx(wheel({}))
 
 
-def test_tyres_are_upright_cylinders_of_robot_yaml() -> None:
-    tyre = next(s for s in robot_solids(ROBOT, SHAPE, {}) if s.part == "fl_wheel" and s.solid.kind == "cylinder")
-    assert tyre.solid.size_m == (2 * ROBOT.wheel_radius_m, 2 * ROBOT.wheel_radius_m, ROBOT.wheel_width_m)
-    assert abs(tyre.pose[:3, 2]) == pytest.approx((0.0, 1.0, 0.0), abs=1e-12)  # its axis is the axle
-
-
 def test_the_body_fits_the_footprint() -> None:
     """The drawn robot, chair and passenger lie within the footprints used for planning."""
     chair = planar(Pose2(0.95, 0.0, 0.0))
@@ -77,10 +74,5 @@ def test_turns_are_about_the_parents_axes_in_order() -> None:
     # First about x: y -> z; then about z: z is unchanged.
     assert pose @ (0.0, 1.0, 0.0, 0.0) == pytest.approx((0.0, 0.0, 1.0, 0.0), abs=1e-12)
     assert pose[:3, 3] == pytest.approx((1.0, 2.0, 3.0))
-
-
-def test_quaternion_of_a_turn_about_z() -> None:
     half = math.radians(60.0)
-    assert quaternion_of(transform((0, 0, 0), (0, 0, 120.0))) == pytest.approx(
-        (0.0, 0.0, math.sin(half), math.cos(half))
-    )
+    assert quaternion_of(transform((0, 0, 0), (0, 0, 120.0))) == pytest.approx((0, 0, math.sin(half), math.cos(half)))

@@ -34,15 +34,11 @@ def _folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_lock_is_exclusive_and_names_its_holder() -> None:
     with hold_lock("node"):
+        assert lock_path("node").read_text(encoding="ascii") == str(os.getpid())
         with pytest.raises(AlreadyRunning, match=f"node is already running in this ROS domain .process {os.getpid()}."):
             hold_lock("node")
         hold_lock("other").close()
     hold_lock("node").close()
-
-
-def test_lock_file_names_its_holder() -> None:
-    with hold_lock("node"):
-        assert lock_path("node").read_text(encoding="ascii") == str(os.getpid())
 
 
 def test_lock_dies_with_its_process() -> None:
@@ -63,7 +59,7 @@ def test_folder_by_user_and_domain(monkeypatch: pytest.MonkeyPatch) -> None:
     folder.rmdir()
 
 
-@pytest.mark.parametrize("mode", [0o770, 0o707, 0o777])
+@pytest.mark.parametrize("mode", [0o770, 0o707])
 @pytest.mark.parametrize("named", [True, False])
 def test_a_folder_that_another_user_may_write_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: bool, mode: int
@@ -78,10 +74,6 @@ def test_a_folder_that_another_user_may_write_is_refused(
         with pytest.raises(ConfigError, match=f"^{writable} belongs to another user or may be written by others"):
             runtime_dir()
         writable.chmod(0o700)
-
-
-def test_a_folder_of_another_user_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    runtime_dir()
     monkeypatch.setattr(runtime, "only_own", lambda status: only_own(os.stat_result((*status[:4], 4711, *status[5:]))))
     with pytest.raises(ConfigError, match="belongs to another user"):
         runtime_dir()

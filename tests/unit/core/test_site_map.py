@@ -46,8 +46,5 @@ def test_map_without_checksums_is_refused(tmp_path: Path) -> None:
     (tmp_path / "test" / "map.yaml").write_text("name: test\n")
     with pytest.raises(ConfigError, match="no checksums"):
         load_map(str(tmp_path / "test"))
-
-
-def test_missing_map_names_those_there_are() -> None:
     with pytest.raises(ConfigError, match="no map 'nowhere'"):
         load_map("nowhere")

@@ -2,66 +2,33 @@
 
 from __future__ import annotations
 
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from robot_stack.core.stop_latch import StopLatch
 
 
-def test_free_at_first() -> None:
-    assert not StopLatch().active
-
-
-def test_true_stops_at_once_and_false_alone_releases_nothing() -> None:
-    latch = StopLatch()
-    latch.on_emergency_stop(True)
-    assert latch.active
-    latch.on_emergency_stop(False)
-    assert latch.active
-
-
-def test_inactive_status_before_active_status_does_not_release_latch() -> None:
-    latch = StopLatch()
-    latch.on_emergency_stop(True)
-    latch.on_emergency_stop(False)
-    latch.on_safety_status(False)
-    assert latch.active
-    latch.on_safety_status(True)
-    latch.on_safety_status(False)
+# Events as ``on_emergency_stop`` (S: stop, r: release) and ``on_safety_status`` (E: emergency, n: none), and after each
+# of them whether the latch is active.
+@pytest.mark.parametrize(
+    ("monitored", "events", "active"),
+    [
+        (True, "", ""),
+        (True, "SrnEn", "11110"),  # a status without an emergency before one with it releases nothing
+        (True, "SEnr", "1110"),  # the button is still pressed
+        (True, "En", "10"),
+        (False, "SrnSrEn", "1001110"),  # released by the button alone until the first status
+    ],
+)
+def test_two_keys(monitored: bool, events: str, active: str) -> None:
+    latch = StopLatch(monitored=monitored)
     assert not latch.active
-
-
-def test_status_clean_but_button_still_pressed() -> None:
-    latch = StopLatch()
-    latch.on_emergency_stop(True)
-    latch.on_safety_status(True)
-    latch.on_safety_status(False)
-    assert latch.active
-    latch.on_emergency_stop(False)
-    assert not latch.active
-
-
-def test_an_emergency_in_the_status_alone_stops() -> None:
-    latch = StopLatch()
-    latch.on_safety_status(True)
-    assert latch.active
-    latch.on_safety_status(False)
-    assert not latch.active
-
-
-def test_unmonitored_latch_releases_on_false_until_first_safety_status() -> None:
-    latch = StopLatch(monitored=False)
-    latch.on_emergency_stop(True)
-    assert latch.active
-    latch.on_emergency_stop(False)
-    assert not latch.active
-    latch.on_safety_status(False)
-    latch.on_emergency_stop(True)
-    latch.on_emergency_stop(False)
-    assert latch.active
-    latch.on_safety_status(True)
-    latch.on_safety_status(False)
-    assert not latch.active
+    seen = ""
+    for event in events:
+        (latch.on_emergency_stop if event in "Sr" else latch.on_safety_status)(event in "SE")
+        seen += "1" if latch.active else "0"
+    assert seen == active
 
 
 @given(st.booleans(), st.lists(st.tuples(st.sampled_from(["stop", "status"]), st.booleans())))
