@@ -16,10 +16,6 @@ def path(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return state_dir() / "wheelchair_attached"
 
 
-def test_missing_attached_file_loads_as_not_attached(path: Path) -> None:
-    assert not AttachedFile().load()
-
-
 @pytest.mark.parametrize("attached", [True, False])
 def test_round_trip(path: Path, attached: bool) -> None:
     file = AttachedFile()
@@ -27,6 +23,9 @@ def test_round_trip(path: Path, attached: bool) -> None:
     assert file.save(attached) == ""
     assert AttachedFile().load() is attached
     assert [item.name for item in path.parent.iterdir()] == [path.name]
+    path.unlink()
+    assert file.save(attached) == ""
+    assert not path.exists(), "the same is written once"
 
 
 def test_station_is_kept_until_it_is_left_or_a_wheelchair_attached(path: Path) -> None:
@@ -53,14 +52,6 @@ def test_unreadable_attached_file_loads_as_attached_and_save_reports_error(path:
     assert "wheelchair_attached cannot be written" in file.save(True)
     path.rmdir()
     assert file.save(True) == ""  # saving is retried
-
-
-def test_the_same_is_written_once(path: Path) -> None:
-    file = AttachedFile()
-    file.save(True)
-    path.unlink()
-    assert file.save(True) == ""
-    assert not path.exists()
 
 
 def test_a_new_world_has_no_past(path: Path) -> None:

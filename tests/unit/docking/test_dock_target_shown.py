@@ -18,6 +18,7 @@ def test_only_while_the_robot_moves_into_the_dock() -> None:
             shown.add(bench.controller.state)
             assert bench.controller.tracker.estimate is not None
             assert math.hypot(pose.x, pose.y) < 3.0
+            assert bench.controller.target(None) is None, "unknown without odometry"
         return not bench.controller.busy
 
     assert bench.controller.target(bench.situation().odom) is None
@@ -25,10 +26,3 @@ def test_only_while_the_robot_moves_into_the_dock() -> None:
     bench.run(docked)
     assert shown == SERVOED
     assert bench.controller.target(bench.situation().odom) is None
-
-
-def test_it_is_unknown_without_odometry() -> None:
-    bench = Bench()
-    bench.begin()
-    assert bench.run(lambda: bench.controller.state in SERVOED)
-    assert bench.controller.target(None) is None

@@ -23,30 +23,20 @@ def tracker() -> DockTracker:
     return made
 
 
-def test_a_sighting_ahead_of_the_odometry_counts_once_the_odometry_is_there(tracker: DockTracker) -> None:
+def test_the_newest_sighting_ahead_of_the_odometry_wins(tracker: DockTracker) -> None:
     tracker.on_markers(markers_at(AHEAD, DOCK, 0.99))
+    tracker.on_markers(markers_at(AHEAD, DOCK, 0.995))
     assert tracker.estimate is None
     tracker.on_odometry(1.00, Pose2(0.0, 0.0, 0.0))
-    assert tracker.seen_s == 0.99
+    assert tracker.seen_s == 0.995
     assert tracker.estimate is not None
     assert tracker.estimate.pose.distance_to(AHEAD) < 0.01
 
 
-def test_the_newest_sighting_ahead_of_the_odometry_wins(tracker: DockTracker) -> None:
-    tracker.on_markers(markers_at(AHEAD, DOCK, 0.99))
-    tracker.on_markers(markers_at(AHEAD, DOCK, 0.995))
-    tracker.on_odometry(1.00, Pose2(0.0, 0.0, 0.0))
-    assert tracker.seen_s == 0.995
-
-
-def test_a_sighting_from_before_all_odometry_is_dropped(tracker: DockTracker) -> None:
-    tracker.on_markers(markers_at(AHEAD, DOCK, 0.5))
-    tracker.on_odometry(1.00, Pose2(0.0, 0.0, 0.0))
-    assert tracker.estimate is None
-
-
-def test_a_new_job_drops_a_sighting_that_waits(tracker: DockTracker) -> None:
-    tracker.on_markers(markers_at(AHEAD, DOCK, 0.99))
-    tracker.look_for(DOCK, Correction())
+@pytest.mark.parametrize("why", ["before all odometry", "another job"])
+def test_sightings_that_are_dropped(tracker: DockTracker, why: str) -> None:
+    tracker.on_markers(markers_at(AHEAD, DOCK, 0.5 if why == "before all odometry" else 0.99))
+    if why == "another job":
+        tracker.look_for(DOCK, Correction())
     tracker.on_odometry(1.00, Pose2(0.0, 0.0, 0.0))
     assert tracker.estimate is None

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import cv2
 import pytest
@@ -34,15 +35,79 @@ def dockings(folder: Path) -> list[dict]:
     return [numbers(trace, limits_of(PARAMS), DOCKS) for trace in traces]
 
 
-def fail_by_lost_markers(story: Story) -> None:
-    story.run("IDLE", 1.0)
-    story.run("APPROACH", 2.0)
-    story.run("SEARCH", 1.0)
-    story.run("SERVOING", 3.0, 0.4, 0.02)
-    story.markers = 0
-    story.run("SERVOING", 5.0)
-    story.run("SEARCH", 3.0)
-    story.run("FAILED", 1.5)
+# A recording is a list of steps: (state, seconds, further arguments of ``run``), or changes of the story's fields.
+Step = tuple[Any, ...] | dict[str, Any]
+LOST_MARKERS: list[Step] = [
+    ("IDLE", 1.0),
+    ("APPROACH", 2.0),
+    ("SEARCH", 1.0),
+    ("SERVOING", 3.0, 0.4, 0.02),
+    {"markers": 0},
+    ("SERVOING", 5.0),
+    ("SEARCH", 3.0),
+    ("FAILED", 1.5),
+]
+
+
+def tell(story: Story, steps: list[Step]) -> Story:
+    for step in steps:
+        if isinstance(step, dict):
+            for name, value in step.items():
+                setattr(story, name, value)
+        else:
+            story.run(*step)
+    return story
+
+
+@pytest.mark.parametrize(
+    ("steps", "verdict", "further"),
+    [
+        (LOST_MARKERS, "failed in SEARCH after 14.0 s: markers lost for 8.0 s from t=6.0 s", None),
+        (
+            [{"markers": 0}, ("IDLE", 0.5), ("APPROACH", 1.0), ("SEARCH", 4.0), ("FAILED", 1.0)],
+            "failed in SEARCH after 5.0 s: no marker was found for 4.0 s from t=1.0 s",
+            None,
+        ),
+        (
+            [("IDLE", 1.0), ("SERVOING", 3.0, 0.3), {"camera": False}, ("SERVOING", 2.0), ("FAILED", 1.0)],
+            "failed in SERVOING after 5.0 s: front camera silent for 2.1 s from t=2.9 s",
+            "markers lost for 2.0 s from t=3.0 s",
+        ),
+        (
+            [("IDLE", 1.0), {"camera": False}, ("IDLE", 3.0), ("APPROACH", 2.0), ("SEARCH", 2.0), ("FAILED", 1.0)],
+            "failed in SEARCH after 4.0 s: front camera silent for 4.0 s from t=0.0 s",
+            None,
+        ),
+        (
+            [{"camera": False}, ("IDLE", 1.0), ("SEARCH", 2.0), ("FAILED", 1.0)],
+            "failed in SEARCH after 2.0 s: no marker was found for 2.0 s from t=0.0 s",
+            "no camera is in the recording",
+        ),
+        (
+            [("IDLE", 0.5), ("SERVOING", 2.0, 0.1, 0.01), ("FINE_ALIGN", 3.0, 0.0031, 0.007), ("FAILED", 1.0)],
+            "failed in FINE_ALIGN after 5.0 s: error did not converge: 3.1 mm and 0.40 deg, best 3.1 mm and 0.40 deg, "
+            "needed 2 mm and 0.3 deg",
+            None,
+        ),
+        (
+            [("IDLE", 0.5), ("FINE_ALIGN", 2.0, 0.02), {"error_m": 0.22}, ("FINE_ALIGN", 0.5), ("FAILED", 1.0)],
+            "failed in FINE_ALIGN after 2.5 s: the dock moved, or its pose jumped: error +200 mm at t=2.0 s",
+            None,
+        ),
+        ([("SERVOING", 3.0, 0.2)], "the recording ends in SERVOING after 2.9 s: error did not converge", None),
+    ],
+    ids=["markers lost", "no markers", "camera", "camera from the start", "no camera", "error", "moved", "cut off"],
+)
+def test_failures_are_named_with_their_causes(
+    story: Story, steps: list[Step], verdict: str, further: str | None
+) -> None:
+    (docking,) = dockings(tell(story, steps).close())
+    assert not docking["success"]
+    assert docking["verdict"].startswith(verdict)
+    if further is not None:
+        assert [item["text"] for item in docking["causes"][1:]] == [further]
+    assert docking["begins_before_recording"] is (docking["ended_in"] is None)
+    assert (docking["dock"] is None) == ("no marker" in verdict or "from t=0.0 s" in verdict)
 
 
 def test_a_success(story):
@@ -59,72 +124,6 @@ def test_a_success(story):
     assert docking["effort_max_nm"] == 3.5
     assert docking["speed"]["driven_max_mps"] == pytest.approx(0.12)
     assert docking["causes"] == docking["other_findings"] == docking["safety"] == docking["limits"] == []
-
-
-def test_lost_markers(story):
-    fail_by_lost_markers(story)
-    (docking,) = dockings(story.close())
-    assert not docking["success"]
-    assert docking["verdict"] == "failed in SEARCH after 14.0 s: markers lost for 8.0 s from t=6.0 s"
-    assert docking["markers"]["blind_share"] == pytest.approx(82 / 122, abs=0.02)
-
-
-def test_no_marker_at_all(story):
-    story.markers = 0
-    story.run("IDLE", 0.5)
-    story.run("APPROACH", 1.0)
-    story.run("SEARCH", 4.0)
-    story.run("FAILED", 1.0)
-    (docking,) = dockings(story.close())
-    assert docking["dock"] is None
-    assert docking["verdict"] == "failed in SEARCH after 5.0 s: no marker was found for 4.0 s from t=1.0 s"
-
-
-def test_a_silent_camera(story):
-    story.run("IDLE", 1.0)
-    story.run("APPROACH", 1.0)
-    story.run("SERVOING", 3.0, 0.3)
-    story.camera = False
-    story.run("SERVOING", 2.0)
-    story.run("FAILED", 1.0)
-    (docking,) = dockings(story.close())
-    assert docking["verdict"] == "failed in SERVOING after 6.0 s: front camera silent for 2.1 s from t=3.9 s"
-    assert [item["text"] for item in docking["causes"][1:]] == ["markers lost for 2.0 s from t=4.0 s"]
-
-
-def test_a_camera_that_was_silent_from_the_start(story):
-    story.run("IDLE", 1.0)
-    story.camera = False
-    story.run("IDLE", 3.0)
-    story.run("APPROACH", 2.0)
-    story.run("SEARCH", 2.0)
-    story.run("FAILED", 1.0)
-    (docking,) = dockings(story.close())
-    assert docking["verdict"] == "failed in SEARCH after 4.0 s: front camera silent for 4.0 s from t=0.0 s"
-
-
-def test_recording_without_cameras_reports_missing_camera(story):
-    story.camera = False
-    story.run("IDLE", 1.0)
-    story.run("SEARCH", 2.0)
-    story.run("FAILED", 1.0)
-    (docking,) = dockings(story.close())
-    assert [item["text"] for item in docking["causes"]] == [
-        "no marker was found for 2.0 s from t=0.0 s",
-        "no camera is in the recording",
-    ]
-
-
-def test_an_error_that_does_not_converge(story):
-    story.run("IDLE", 0.5)
-    story.run("SERVOING", 2.0, 0.1, 0.01)
-    story.run("FINE_ALIGN", 3.0, 0.0031, 0.007)
-    story.run("FAILED", 1.0)
-    (docking,) = dockings(story.close())
-    assert docking["verdict"] == (
-        "failed in FINE_ALIGN after 5.0 s: error did not converge: 3.1 mm and 0.40 deg, best 3.1 mm and 0.40 deg, "
-        "needed 2 mm and 0.3 deg"
-    )
 
 
 def test_a_latch_that_does_not_confirm_and_a_second_try(story):
@@ -186,18 +185,6 @@ def test_active_limit_and_fault_are_reported_from_start_of_docking(story):
     assert docking["safety"][0]["from_s"] == 0.0
 
 
-def test_a_dock_that_moves(story):
-    story.run("IDLE", 0.5)
-    story.run("FINE_ALIGN", 2.0, 0.02)
-    story.error_m = 0.22
-    story.run("FINE_ALIGN", 0.5)
-    story.run("FAILED", 1.0)
-    (docking,) = dockings(story.close())
-    assert docking["verdict"] == (
-        "failed in FINE_ALIGN after 2.5 s: the dock moved, or its pose jumped: error +200 mm at t=2.0 s"
-    )
-
-
 def test_replay_lists_messages_of_other_nodes_during_docking(story):
     story.run("IDLE", 0.5)
     story.run("SERVOING", 1.0)
@@ -212,7 +199,7 @@ def test_replay_lists_messages_of_other_nodes_during_docking(story):
 
 
 def test_two_dockings_and_an_undocking(story):
-    fail_by_lost_markers(story)
+    tell(story, LOST_MARKERS)
     story.markers, story.error_m = 4, 1.0
     success(story)
     story.run("SERVOING", 3.0)  # backs off from the opened latch
@@ -222,18 +209,10 @@ def test_two_dockings_and_an_undocking(story):
     assert found[1]["start_s"] - found[0]["start_s"] == pytest.approx(16.5, abs=0.05)
 
 
-def test_a_recording_that_ends_and_one_that_begins_in_the_middle(story):
-    story.run("SERVOING", 3.0, 0.2)
-    (docking,) = dockings(story.close())
-    assert docking["begins_before_recording"]
-    assert docking["ended_in"] is None
-    assert docking["verdict"].startswith("the recording ends in SERVOING after 2.9 s: error did not converge")
-
-
 @pytest.mark.parametrize("share", [0.25, 0.4])
 def test_truncated_recording_is_evaluated_up_to_damage(story, tmp_path, share):
     story.chunk_bytes = 5_000
-    fail_by_lost_markers(story)
+    tell(story, LOST_MARKERS)
     story.close()
     (file,) = story.folder.glob("*.mcap")
     os.truncate(file, int(share * file.stat().st_size))
@@ -246,12 +225,9 @@ def test_truncated_recording_is_evaluated_up_to_damage(story, tmp_path, share):
     assert file.read_bytes() == before, "nothing is repaired behind the operator's back"
 
 
-# --- the whole command -----------------------------------------------------------------------------------------------
-
-
 def test_pictures_text_and_numbers(tmp_path, capsys):
     story = Story(tmp_path / "ride", images=True)
-    fail_by_lost_markers(story)
+    tell(story, LOST_MARKERS)
     replay_recording(story.close(), tmp_path / "pictures", tmp_path / "numbers.json")
     shown = capsys.readouterr().out
     assert "docking 1: chair_1, 2023-11-14 22:13:21 UTC, 14.0 s, 1 try" in shown
@@ -298,7 +274,7 @@ def test_no_docking_in_it(story, tmp_path):
 
 
 def test_an_output_that_cannot_be_written(story, tmp_path):
-    fail_by_lost_markers(story)
+    tell(story, LOST_MARKERS)
     assert "/proc/pictures cannot be written" in refusal(story.close(), Path("/proc/pictures"))
     (tmp_path / "file").touch()
     assert "cannot be written: File exists" in refusal(story.folder, tmp_path / "file")

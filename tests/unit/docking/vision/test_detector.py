@@ -73,15 +73,13 @@ def test_sharp_images_give_the_pose_to_a_fiftieth_of_a_millimetre(detector: Mark
         assert item.quality == pytest.approx(1.0 / (1.0 + (item.position_sigma_m / 0.01) ** 2))
 
 
-@pytest.mark.parametrize(
-    ("distance_m", "worst_mm", "worst_deg"), [(0.6, 0.06, 0.02), (1.0, 0.06, 0.02), (3.0, 1.2, 0.2)]
-)
+@pytest.mark.parametrize(("distance_m", "worst_mm", "worst_deg"), [(0.6, 0.06, 0.02), (3.0, 1.2, 0.2)])
 def test_pose_error_with_noise_and_blur_is_within_limit_and_reported_sigma(
     detector: MarkerDetector, distance_m: float, worst_mm: float, worst_deg: float
 ) -> None:
     random = np.random.default_rng(7)
     ratios = []
-    for seed in range(4):
+    for seed in range(3):
         tilt = random.uniform(-0.43, 0.43)
         board = facing(distance_m, tilt, 0.3 * tilt, *(0.04 * distance_m * random.uniform(-1.0, 1.0, 2)))
         seen = detector.detect(picture(DOCK, board, USUAL, seed), CAMERA, FRAME)
@@ -193,7 +191,7 @@ def test_wrong_intrinsics_and_stamps_are_refused_by_name(detector: MarkerDetecto
         detector.detect(image, CAMERA, FRAME, math.inf)
 
 
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=5, deadline=None)
 @given(
     st.floats(0.5, 3.5), st.floats(-1.2, 1.2), st.floats(-0.6, 0.6), st.floats(-0.5, 0.5), st.floats(-0.3, 0.3),
     st.integers(0, 2**31),

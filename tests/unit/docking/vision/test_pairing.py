@@ -45,12 +45,6 @@ def test_at_other_phases_the_leading_image_leaves_at_once_beside_the_others_newe
         assert items(queue.take(1.01 + 0.1 * k, BOTH, FRONT)) == [f"front {1 + 0.1 * k:g}", f"rear {0.95 + 0.1 * k:g}"]
 
 
-def test_a_camera_known_to_be_dead_is_not_waited_for() -> None:
-    queue = sets()
-    queue.add(shot(REAR, 1.0))
-    assert items(queue.take(1.01, frozenset((REAR,)), FRONT)) == ["rear 1"]
-
-
 def test_a_camera_just_dead_is_waited_for_briefly_whichever_leads() -> None:
     queue = sets()
     queue.add(shot(FRONT, 1.0))
@@ -59,6 +53,8 @@ def test_a_camera_just_dead_is_waited_for_briefly_whichever_leads() -> None:
     queue.add(shot(REAR, 1.1))
     assert queue.take(1.15, BOTH, FRONT) == ()  # the front camera's image may still arrive
     assert items(queue.take(1.172, BOTH, FRONT)) == ["rear 1.1"]
+    queue.add(shot(REAR, 1.2))
+    assert items(queue.take(1.21, frozenset((REAR,)), FRONT)) == ["rear 1.2"], "the front camera is known to be dead"
 
 
 def test_repeated_and_late_images_are_old_but_a_restarted_clock_is_new() -> None:
