@@ -15,7 +15,7 @@ from robot_stack.core.geometry import Pose2, wrap_angle
 from robot_stack.core.robot import Footprint
 from robot_stack.core.site_map import FREE, OCCUPIED, UNKNOWN, Grid
 from robot_stack.navigation.cancel_flag import CancelFlag
-from robot_stack.navigation.footprint import outline, reach_m
+from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.global_planner import GlobalPlanner, NoWay, goal_problem
 from robot_stack.navigation.params import PlannerParams
 from robot_stack.navigation.path import Path
@@ -57,10 +57,12 @@ def test_distances_are_exact(seed: int) -> None:
     assert np.allclose(clearance_field(occupied, 0.1, 2.0), np.minimum(truth, 2.0), atol=1e-5)
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.2, 0.5, 0.9, 1.3])
-def test_empty_grid_gives_the_straight_line(angle: float) -> None:
-    goal = Pose2(START.x + 4.0 * math.cos(angle), START.y + 4.0 * math.sin(angle), 0.0)
-    assert route(grid(), goal=goal).length_m == pytest.approx(4.0, rel=1e-6)
+def test_empty_grid_gives_the_straight_line() -> None:
+    for angle in (0.0, 0.5, 1.3):
+        goal = Pose2(START.x + 4.0 * math.cos(angle), START.y + 4.0 * math.sin(angle), 0.0)
+        assert route(grid(), goal=goal).length_m == pytest.approx(4.0, rel=1e-6)
+    short = route(grid(), goal=Pose2(2.0, 5.8, 0.0)).poses
+    assert np.abs(short[:, 2]).max() < 0.2, "a short step to the side is driven sideways"
 
 
 def test_begins_and_ends_exactly_and_looks_ahead() -> None:
@@ -77,9 +79,6 @@ def test_gate_is_passed_in_its_middle() -> None:
     # The gate's free cells reach from 5.8 (58 * 0.1) to 7.2, minus the rounding of 1.3 m to cells.
     assert at[1] == pytest.approx(6.5, abs=0.15)
     assert abs(at[2]) < 0.5
-
-
-def test_planned_path_keeps_clearance_of_oriented_footprint() -> None:
     for footprint in (ROBOT.footprint, ROBOT.footprint_with_chair):
         plan = planner(wall_with_gate(1.4, 8.0))
         found = plan.plan(START, GOAL, footprint)
@@ -102,6 +101,13 @@ def test_plan_across_closed_wall_returns_no_way() -> None:
     found = planner(cells).plan(START, GOAL, ROBOT.footprint)
     assert isinstance(found, NoWay)
     assert "no path from (2.0, 5.0) to (13.0, 5.0)" in found.reason
+    ends = np.array([5.0, 5.0, 0.0]), np.array([10.0, 5.0, 0.0])
+    made = PlanningGrid(Grid(0.1, 0.0, 0.0, cells))
+    assert passage(made, ROBOT.footprint, params().planner, *ends, CancelFlag(), any_heading=True) is None
+    assert isinstance(planner(grid()).plan(Pose2(math.nan, 0.0, 0.0), GOAL, ROBOT.footprint), NoWay)
+    tight = grid()
+    tight[50, 26] = OCCUPIED  # 0.15 m ahead of the front
+    assert isinstance(planner(tight).plan(START, GOAL, ROBOT.footprint), Path)
 
 
 def test_the_wider_of_two_gates_is_worth_a_small_detour() -> None:
@@ -137,11 +143,6 @@ def test_seen_obstacle_counts_until_it_is_cleared() -> None:
     assert straight.length_m == pytest.approx(11.0, rel=1e-6)
 
 
-def test_short_step_to_the_side_is_driven_sideways() -> None:
-    poses = route(grid(), goal=Pose2(2.0, 5.8, 0.0)).poses
-    assert np.abs(poses[:, 2]).max() < 0.2
-
-
 @pytest.mark.parametrize(
     ("goal", "reason"),
     [
@@ -152,33 +153,10 @@ def test_short_step_to_the_side_is_driven_sideways() -> None:
 )
 def test_goals_without_clearance_are_refused(goal: Pose2, reason: str) -> None:
     site = PlanningGrid(Grid(0.1, 0.0, 0.0, wall_with_gate(1.3)))
+    assert goal_problem(site, ROBOT.footprint, GOAL, params().planner) is None
     problem = goal_problem(site, ROBOT.footprint, goal, params().planner)
     assert problem is not None
     assert reason in problem.text
-
-
-def test_goal_problem_is_empty_for_a_good_goal() -> None:
-    site = PlanningGrid(Grid(0.1, 0.0, 0.0, wall_with_gate(1.3)))
-    assert goal_problem(site, ROBOT.footprint, GOAL, params().planner) is None
-
-
-def test_plan_from_nan_start_returns_no_way() -> None:
-    found = planner(grid()).plan(Pose2(math.nan, 0.0, 0.0), GOAL, ROBOT.footprint)
-    assert isinstance(found, NoWay)
-
-
-def test_way_out_of_a_tight_spot() -> None:
-    cells = grid()
-    cells[50, 26] = OCCUPIED  # 0.15 m ahead of the front
-    found = planner(cells).plan(START, GOAL, ROBOT.footprint)
-    assert isinstance(found, Path)
-
-
-def test_outline_of_the_footprint() -> None:
-    points = outline(ROBOT.footprint_with_chair)
-    assert points.min(axis=0) == pytest.approx((-0.5, -0.4))
-    assert points.max(axis=0) == pytest.approx((1.4, 0.4))
-    assert reach_m(ROBOT.footprint_with_chair) == pytest.approx(math.hypot(1.4, 0.4))
 
 
 def corridor_with_gate() -> np.ndarray:
@@ -217,11 +195,3 @@ def test_passage_between_poses_turns_along_the_path_and_keeps_its_ends() -> None
     assert math.isclose(wrap_angle(found[-1, 2] - goal[2]), 0.0, abs_tol=1e-9)
     assert np.abs(np.diff(found[:, 2])).max() < 0.2
     assert np.hypot(*np.diff(found[:, :2], axis=0).T).max() < 0.2
-
-
-def test_no_passage_through_a_wall() -> None:
-    cells = grid()
-    cells[:, 75] = OCCUPIED
-    made = PlanningGrid(Grid(0.1, 0.0, 0.0, cells))
-    ends = np.array([5.0, 5.0, 0.0]), np.array([10.0, 5.0, 0.0])
-    assert passage(made, ROBOT.footprint, params().planner, *ends, CancelFlag(), any_heading=True) is None

@@ -12,14 +12,14 @@ from robot_stack.core.limits import MotionLimits
 from robot_stack.core.people import Person
 from robot_stack.core.site_map import OCCUPIED, Grid
 from robot_stack.navigation.footprint import outline
-from robot_stack.navigation.goal import GoalCode, GoalEnd
+from robot_stack.navigation.goal import GoalCode
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.pose_follower import PoseFollower
 from robot_stack.navigation.speed_limits import outside, speed_limits
 from robot_stack.navigation.yielding import nearest_m
 from tests.unit.navigation.plant import ROBOT, params
-from tests.unit.navigation.test_among_obstacles import Array, Story, corridor, nothing, reached
+from tests.unit.navigation.test_among_obstacles import Array, Story, corridor, reached
 
 P = params()
 CHAIR = ROBOT.footprint_with_chair
@@ -49,7 +49,7 @@ def askew(count: int) -> list[Pose2]:
     return found
 
 
-@pytest.mark.parametrize("start", askew(6))
+@pytest.mark.parametrize("start", askew(3))
 def test_a_robot_pushed_askew_into_a_gate_backs_off_turns_and_enters(start: Pose2) -> None:
     story = Story(paint_gate, gate(), chair=True)
     story.drive.pose = start
@@ -59,20 +59,6 @@ def test_a_robot_pushed_askew_into_a_gate_backs_off_turns_and_enters(start: Pose
     inside = [pose for pose in story.poses if abs(pose.x - GATE_X) < 0.4]
     assert max(abs(pose.yaw) for pose in inside) < 0.5
 
-
-def test_a_gate_too_narrow_for_the_chair_is_refused() -> None:
-    cells = gate().occupancy.copy()
-    cells[45, 80] = cells[54, 80] = cells[44, 80] = cells[55, 80] = OCCUPIED
-    story = Story(nothing, Grid(0.1, 0.0, 0.0, cells), chair=True)
-    story.drive.pose = Pose2(6.5, 4.9, 0.3)
-    story.go(Pose2(13.0, 5.0, 0.0))
-    end = story.until(lambda output: output.end is not None, 30.0).end
-    assert end is not None
-    assert not end.succeeded
-    assert "too narrow" in end.text or "no path" in end.text
-
-
-# --- the poses are driven as planned --------------------------------------------------------------------------------
 
 LIMITS = MotionLimits.of(ROBOT.motion(True))
 
@@ -108,11 +94,6 @@ def test_way_back_over_the_same_place_is_not_skipped() -> None:
     assert driven[-1].distance_to(Pose2(2.0, 0.0, 0.0)) < 0.03
 
 
-def test_stops_before_the_first_pose_that_is_not_clear() -> None:
-    path = Path(np.array([(0.1 * i, 0.0, 0.0) for i in range(41)]))
-    assert 2.2 < follow(path, Pose2(0.0, 0.0, 0.0))[-1].x < 2.5
-
-
 def test_a_robot_nearer_than_the_margin_leaves_and_comes_no_nearer() -> None:
     path, here = Path(np.array([(0.1 * i, 0.0, 0.0) for i in range(41)])), Pose2(0.0, 0.0, 0.0)
     follower = PoseFollower(path, P.passage, P.tracking)
@@ -126,12 +107,12 @@ def test_a_robot_nearer_than_the_margin_leaves_and_comes_no_nearer() -> None:
 def test_off_the_route_its_poses_are_not_followed() -> None:
     follower = PoseFollower(Path(np.array([(0.0, 0.0, 0.0), (3.0, 0.0, 0.0)])), P.passage, P.tracking)
     assert follower.locate(Pose2(1.0, 0.1, 0.1))
+    path = Path(np.array([(0.1 * i, 0.0, 0.0) for i in range(41)]))
+    assert 2.2 < follow(path, Pose2(0.0, 0.0, 0.0))[-1].x < 2.5, "it stops before the first pose that is not clear"
     assert not follower.locate(Pose2(1.0, 0.3, 0.0))
     assert not follower.locate(Pose2(1.0, 0.0, 0.5))
     assert follower.locate(Pose2(2.5, 0.0, 0.0))
 
-
-# --- who waits, waits outside -----------------------------------------------------------------------------------------
 
 ALONG = np.arange(0.0, 7.0, 0.1)
 
@@ -168,41 +149,30 @@ def test_speed_near_people_counts_from_the_chair_s_front() -> None:
     assert cap.speed_mps[0] == pytest.approx(P.people.very_near_mps)
 
 
-# --- two at one gate --------------------------------------------------------------------------------------------------
-
-
-class Visitor:
-    """A person who comes from the far side to a point and stands there."""
-
-    def __init__(self, to: tuple[float, float]) -> None:
-        self.at, self.to = (12.5, 3.0), to
-
-    def paint(self, now_s: float, x: Array, y: Array) -> np.ndarray:
+@pytest.mark.parametrize(
+    ("to", "start", "passes"),
+    [
+        ((10.2, 4.6), Pose2(3.0, 4.5, 0.3), True),  # behind the gate: driven around
+        ((8.1, 5.0), Pose2(3.0, 4.5, 0.3), False),  # in the gate: waited for, then the robot says that it cannot pass
+    ],
+)
+def test_person_who_comes_to_the_gate_and_stands(to: tuple[float, float], start: Pose2, passes: bool) -> None:
+    def paint(now_s: float, x: Array, y: Array) -> np.ndarray:
         share = min(1.0, (now_s - 10.0) / 5.0)
-        px, py = (a + share * (b - a) for a, b in zip(self.at, self.to, strict=True))
+        px, py = (a + share * (b - a) for a, b in zip((12.5, 3.0), to, strict=True))
         return paint_gate(now_s, x, y) | (np.hypot(x - px, y - py) < 0.25)
 
-
-def with_visitor(to: tuple[float, float], start: Pose2, limit_s: float) -> tuple[Story, GoalEnd]:
-    story = Story(Visitor(to).paint, gate(), chair=True)
+    story = Story(paint, gate(), chair=True)
     story.drive.pose = start
     assert story.go(Pose2(13.0, 6.5, 0.0)) == ""
-    end = story.until(lambda output: output.end is not None, limit_s).end
+    end = story.until(lambda output: output.end is not None, 90.0).end
     assert end is not None
     assert min(story.clearances[30:]) > 0.05, "nobody is touched"
-    return story, end
-
-
-def test_person_who_stands_behind_the_gate_is_driven_around() -> None:
-    _, end = with_visitor((10.2, 4.6), Pose2(3.0, 4.5, 0.3), 90.0)
-    assert end.succeeded, end.text
-
-
-def test_person_who_stands_in_the_gate_is_waited_for_then_the_robot_says_it_cannot_pass() -> None:
-    story, end = with_visitor((8.1, 5.0), Pose2(3.0, 4.5, 0.3), 60.0)
-    assert end.code is GoalCode.PATIENCE_EXCEEDED
-    assert "blocked" in end.text or "no progress" in end.text
-    assert story.drive.pose.x + CHAIR.front_m < GATE_X - 0.2
+    assert end.succeeded is passes, end.text
+    if not passes:
+        assert end.code is GoalCode.PATIENCE_EXCEEDED
+        assert "blocked" in end.text or "no progress" in end.text
+        assert story.drive.pose.x + CHAIR.front_m < GATE_X - 0.2
 
 
 class Agent:
@@ -237,7 +207,7 @@ class Agent:
         return nearest_m(self.pose, ROBOT.footprint, at)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(2))
 def test_two_who_follow_the_same_rules_both_pass_a_gate(seed: int) -> None:
     random = np.random.default_rng(seed)
     (ay, by, az, bz), late_s = random.uniform(3.5, 6.5, 4), float(random.uniform(0.0, 4.0))

@@ -19,7 +19,7 @@ from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.states import NavigationState
 from robot_stack.navigation.tight_passage import passage
 from tests.unit.navigation.plant import ROBOT, params
-from tests.unit.navigation.test_among_obstacles import Painter, Story, box, nothing, reached
+from tests.unit.navigation.test_among_obstacles import Story, box, nothing, reached
 
 Array = npt.NDArray[np.float64]
 TOLERANCE_RAD = params().one_way.tolerance_rad
@@ -67,8 +67,7 @@ def test_each_direction_uses_the_corridor_that_permits_it() -> None:
         assert against_m((LOWER_EAST, UPPER_WEST), path.poses[:, :2], TOLERANCE_RAD) == 0.0
 
 
-@pytest.mark.parametrize("deg", [0.0, 180.0])
-@pytest.mark.parametrize("y_m", [1.5, 8.5])
+@pytest.mark.parametrize(("deg", "y_m"), [(0.0, 1.5), (180.0, 8.5)])
 def test_a_single_zone_moves_the_traffic_against_it_to_the_other_corridor(deg: float, y_m: float) -> None:
     low = 0.0 if y_m < 5.0 else 7.0
     lane = one_way(deg, 5.0, 15.0, low, low + 3.0)
@@ -78,11 +77,16 @@ def test_a_single_zone_moves_the_traffic_against_it_to_the_other_corridor(deg: f
     assert side(planned(goal, start, lane)) == (far if deg == 0.0 else near)
 
 
-def test_without_a_permitted_way_there_is_none() -> None:
+def test_a_robot_inside_leaves_along_the_heading_and_none_goes_where_no_way_is_permitted() -> None:
+    path = planned(Pose2(10.0, 1.5, 0.0), WEST, LOWER_EAST)
+    assert isinstance(path, Path)
+    assert path.length_m > 16.0
+    assert path.poses[:, 0].max() > 14.5
+    assert against_m((LOWER_EAST,), path.poses[:, :2], TOLERANCE_RAD) == 0.0
     assert isinstance(planned(EAST, WEST, LOWER_EAST, one_way(0.0, 5.0, 15.0, 7.0, 10.0)), NoWay)
 
 
-@pytest.mark.parametrize("deg", [0.0, 30.0, 45.0, 72.0, 100.0, 180.0, 260.0])
+@pytest.mark.parametrize("deg", [0.0, 72.0, 260.0])
 def test_routes_of_any_course_keep_to_the_zones(deg: float) -> None:
     """An open field with a zone: a route is either permitted, or leads around it."""
     cells = np.full((200, 200), FREE, np.int8)
@@ -96,15 +100,6 @@ def test_routes_of_any_course_keep_to_the_zones(deg: float) -> None:
         off = abs(math.remainder(course - math.radians(deg), 2.0 * math.pi))
         if abs(off - TOLERANCE_RAD) > 0.2:
             assert (path.length_m < 16.2) == (off < TOLERANCE_RAD)
-
-
-def test_a_robot_inside_leaves_along_the_heading() -> None:
-    inside = Pose2(10.0, 1.5, 0.0)
-    path = planned(inside, WEST, LOWER_EAST)
-    assert side(path) == "upper" or (isinstance(path, Path) and path.length_m > 16.0)
-    assert isinstance(path, Path)
-    assert path.poses[:, 0].max() > 14.5
-    assert against_m((LOWER_EAST,), path.poses[:, :2], TOLERANCE_RAD) == 0.0
 
 
 def test_a_robot_at_the_entrance_may_back_out_but_not_farther() -> None:
@@ -163,37 +158,17 @@ def test_courses_of_cells() -> None:
     assert permitted((), grid, TOLERANCE_RAD).size == 0
 
 
-# --- the controller --------------------------------------------------------------------------------------------------
-
-
-def ridden(story: Story) -> Array:
-    return np.array([(pose.x, pose.y) for pose in story.poses])
-
-
-@pytest.mark.parametrize("seen", [nothing, box(9.5, 10.0, 8.2, 8.6)])
-def test_the_robot_goes_by_one_corridor_and_returns_by_the_other(seen: Painter) -> None:
+def test_the_robot_goes_by_one_corridor_and_returns_by_the_other() -> None:
     zones = (LOWER_EAST, UPPER_WEST)
-    story = Story(seen, island(), zones=zones)
+    story = Story(box(9.5, 10.0, 8.2, 8.6), island(), zones=zones)
     for goal in (EAST, WEST):
         assert story.go(goal) == ""
         story.until(reached)
-    way = ridden(story)
+    way = np.array([(pose.x, pose.y) for pose in story.poses])
     turn = int(np.argmax(way[:, 0]))
     assert way[:turn][np.abs(way[:turn, 0] - 10.0) < 1.0, 1].max() < 3.0
     assert way[turn:][np.abs(way[turn:, 0] - 10.0) < 1.0, 1].min() > 7.0
     assert against_m(zones, way, TOLERANCE_RAD) < 0.05
-
-
-def test_the_straight_motion_against_a_zone_is_not_driven() -> None:
-    cells = np.full((200, 200), FREE, np.int8)
-    lane = one_way(180.0, 6.0, 10.0, 2.0, 8.0)
-    story = Story(nothing, Grid(0.1, 0.0, 0.0, cells), zones=(lane,))
-    story.go(Pose2(14.0, 5.0, 0.0))
-    story.until(reached)
-    way = ridden(story)
-    # The route leads along the zone's edge, and the robot follows it to within some centimetres.
-    inner = one_way(180.0, 6.2, 9.8, 2.2, 7.8)
-    assert not inner.contains(way[:, 0], way[:, 1]).any()
 
 
 def test_a_goal_shortly_behind_the_robot_is_reached_and_one_farther_behind_is_not() -> None:
@@ -249,7 +224,7 @@ def test_a_robot_that_makes_room_goes_back_no_farther_than_permitted() -> None:
         story = Story(walker, grid, zones=zones)
         story.drive.pose = Pose2(7.0, 5.0, 0.0)
         story.go(Pose2(18.0, 5.0, 0.0))
-        for _ in range(500):
+        for _ in range(360):
             story.tick()
         x = np.array([pose.x for pose in story.poses])
         return float((np.maximum.accumulate(x) - x).max())

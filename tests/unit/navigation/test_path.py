@@ -29,23 +29,20 @@ def test_straight_plan_is_sampled_at_its_spacing() -> None:
     assert (end.x, end.y, end.yaw) == pytest.approx((3.0, 4.0, 0.5))
 
 
-def test_turn_on_the_spot_has_poses_but_no_length() -> None:
-    path = path_of(plan_motion(MotionState(IDENTITY), Pose2(0.0, 0.0, 1.5), LIMITS), 0.1, 500)
-    assert path.length_m == 0.0
-    assert len(path.poses) > 10
-    assert np.all(path.curvature_per_m == 0.0)
-
-
-def test_long_plan_has_no_more_poses_than_allowed() -> None:
-    path = path_of(plan_motion(MotionState(IDENTITY), Pose2(400.0, 0.0, 0.0), LIMITS), 0.1, 500)
-    assert len(path.poses) <= 500
-    assert path.length_m == pytest.approx(400.0)
-
-
-def test_plan_to_where_the_robot_stands() -> None:
-    path = path_of(plan_motion(MotionState(IDENTITY), IDENTITY, LIMITS), 0.1, 500)
-    assert path.length_m == 0.0
-    assert path.end() == IDENTITY
+@pytest.mark.parametrize(
+    ("goal", "length_m", "poses"),
+    [
+        (Pose2(0.0, 0.0, 1.5), 0.0, range(11, 501)),  # a turn on the spot has poses but no length
+        (Pose2(400.0, 0.0, 0.0), 400.0, range(2, 501)),  # no more poses than allowed
+        (IDENTITY, 0.0, range(1, 3)),
+    ],
+)
+def test_extreme_plans(goal: Pose2, length_m: float, poses: range) -> None:
+    path = path_of(plan_motion(MotionState(IDENTITY), goal, LIMITS), 0.1, 500)
+    assert path.length_m == pytest.approx(length_m)
+    assert len(path.poses) in poses
+    assert np.abs(path.curvature_per_m).max() < 1e-6
+    assert path.end().distance_to(goal) < 1e-6
 
 
 def test_curvature_of_a_circle() -> None:
@@ -65,9 +62,6 @@ def test_projection_beside_ahead_and_behind() -> None:
     assert along == 0.0
     assert abs(distance) == pytest.approx(0.5)
     assert path.project(1.0, 3.0)[0] == pytest.approx(3.0)
-
-
-def test_projection_on_a_single_pose() -> None:
     assert Path(np.array([[1.0, 1.0, 0.0]])).project(4.0, 5.0) == (0.0, pytest.approx(5.0))
 
 

@@ -36,12 +36,12 @@ def test_old_pose_is_carried_on_to_now() -> None:
     # 1.0 m of odometry and 0.03 s of extrapolation at 1 m/s, along +y of the map.
     assert (located.pose.x, located.pose.y, located.pose.yaw) == pytest.approx((5.0, 2.03, math.pi / 2.0))
     assert located.twist == AHEAD
-
-
-def test_extrapolation_is_bounded() -> None:
-    located, _ = driven().located(now_s=99.0, steady_s=11.1)
-    assert located is not None
-    assert located.pose.x == pytest.approx(1.0 + 0.1)
+    late = driven()
+    late.on_odometry(10.98, Pose2(0.98, 0.0, 0.0), AHEAD, 11.01)  # ignored
+    for now_s, x_m in ((11.0, 1.0), (99.0, 1.0 + 0.1)):  # extrapolation is bounded
+        located, _ = late.located(now_s, 11.1)
+        assert located is not None
+        assert located.pose.x == pytest.approx(x_m)
 
 
 def test_pose_that_arrives_before_its_odometry() -> None:
@@ -67,9 +67,6 @@ def test_silence_and_time_that_ran_back_are_named(steady_s: float, reason: str) 
     located, problem = driven().located(11.0, steady_s)
     assert located is None
     assert reason in problem
-
-
-def test_pose_before_the_first_message() -> None:
     assert source().located(0.0, 0.0) == (None, "/current_pose never received")
 
 
@@ -98,14 +95,6 @@ def test_clock_set_back_restarts_the_source() -> None:
     assert poses.located(2.0, 11.02)[0] is None
     poses.on_pose(2.0, Pose2(1.0, 0.0, 0.0), 11.1)
     assert poses.located(2.0, 11.1)[0] is not None
-
-
-def test_late_odometry_is_ignored() -> None:
-    poses = driven()
-    poses.on_odometry(10.98, Pose2(0.98, 0.0, 0.0), AHEAD, 11.01)
-    located, _ = poses.located(11.0, 11.01)
-    assert located is not None
-    assert located.pose.x == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])

@@ -17,23 +17,25 @@ from tests.unit.navigation.plant import ROBOT, params
 TRACKING = params().tracking
 
 
-def test_on_the_plan_the_planned_velocity_is_turned_into_the_body() -> None:
-    state = MotionState(Pose2(1.0, 1.0, math.pi / 2.0), velocity=(0.0, 1.0))
-    twist = command(state, state, state.pose, TRACKING)
-    assert (twist.vx, twist.vy, twist.omega) == pytest.approx((1.0, 0.0, 0.0))
+SIDEWAYS = MotionState(Pose2(1.0, 1.0, math.pi / 2.0), velocity=(0.0, 1.0))
+SLOW, SOON = MotionState(IDENTITY, velocity=(0.5, 0.0)), MotionState(IDENTITY, velocity=(0.6, 0.0), yaw_rate=0.1)
+ROUND = MotionState(IDENTITY, velocity=(1.0, 0.0), yaw_rate=1.0)
+ROUND_SOON = MotionState(Pose2(0.1, 0.0, 0.1), velocity=(1.0, 0.0), yaw_rate=1.0)
 
 
-def test_the_yaw_at_which_the_command_acts_counts() -> None:
-    now = MotionState(IDENTITY, velocity=(1.0, 0.0), yaw_rate=1.0)
-    ahead = MotionState(Pose2(0.1, 0.0, 0.1), velocity=(1.0, 0.0), yaw_rate=1.0)
-    twist = command(now, ahead, IDENTITY, TRACKING)
-    assert (twist.vx, twist.vy) == pytest.approx((math.cos(0.1), -math.sin(0.1)))
-
-
-def test_the_command_is_that_of_the_moment_when_it_acts() -> None:
-    now, ahead = MotionState(IDENTITY, velocity=(0.5, 0.0)), MotionState(IDENTITY, velocity=(0.6, 0.0), yaw_rate=0.1)
-    twist = command(now, ahead, IDENTITY, TRACKING)
-    assert (twist.vx, twist.vy, twist.omega) == pytest.approx((0.6, 0.0, 0.1))
+@pytest.mark.parametrize(
+    ("now", "ahead", "rate", "expected"),
+    [
+        (SIDEWAYS, SIDEWAYS, 1.0, (1.0, 0.0, 0.0)),
+        (SLOW, SOON, 1.0, (0.6, 0.0, 0.1)),
+        (ROUND, ROUND_SOON, 1.0, (math.cos(0.1), -math.sin(0.1), 1.0)),
+        (ROUND, ROUND, 0.5, (0.5, 0.0, 0.5)),
+    ],
+    ids=["in the body", "when it acts", "the yaw when it acts", "a slower plan"],
+)
+def test_on_the_plan(now: MotionState, ahead: MotionState, rate: float, expected: tuple[float, float, float]) -> None:
+    twist = command(now, ahead, now.pose, TRACKING, rate=rate)
+    assert (twist.vx, twist.vy, twist.omega) == pytest.approx(expected)
 
 
 def test_error_pulls_back_and_is_bounded() -> None:
@@ -45,12 +47,6 @@ def test_error_pulls_back_and_is_bounded() -> None:
     far = command(state, state, Pose2(-5.0, 0.0, 3.0), TRACKING)
     assert far.speed() == pytest.approx(TRACKING.max_correction_mps)
     assert far.omega == pytest.approx(-TRACKING.max_correction_radps)
-
-
-def test_slower_plan_commands_less_speed() -> None:
-    state = MotionState(IDENTITY, velocity=(1.0, 0.0), yaw_rate=0.4)
-    twist = command(state, state, IDENTITY, TRACKING, rate=0.5)
-    assert (twist.vx, twist.vy, twist.omega) == pytest.approx((0.5, 0.0, 0.2))
 
 
 @pytest.mark.parametrize(
@@ -70,10 +66,7 @@ def test_slower_plan_commands_less_speed() -> None:
 def test_the_plan_waits_for_a_robot_that_is_behind(pose: Pose2, rate: float) -> None:
     planned = MotionState(IDENTITY, velocity=(1.0, 0.0), yaw_rate=0.2)
     assert waiting_rate(planned, pose, TRACKING) == pytest.approx(rate)
-
-
-def test_plan_at_rest_does_not_wait() -> None:
-    assert waiting_rate(MotionState(IDENTITY), Pose2(-0.5, 0.0, -0.5), TRACKING) == 1.0
+    assert waiting_rate(MotionState(IDENTITY), Pose2(-0.5, 0.0, -0.5), TRACKING) == 1.0, "a plan at rest"
 
 
 def test_begun_means_moved_towards_the_plan() -> None:
@@ -126,8 +119,6 @@ def test_no_limits_without_remaining_reserve(limit: SpeedLimit) -> None:
     ("override", "words"),
     [
         ({"plan_spacing_m": 0.0}, "plan_spacing_m"),
-        ({"standing_speed_mps": math.nan}, "standing_speed_mps"),
-        ({"nonsense": 1}, "nonsense: is not a known parameter"),
         ({"limits": {**params().limits.model_dump(), "speed_share": 1.2}}, "limits.speed_share"),
         ({"tracking": {**TRACKING.model_dump(), "wait_at_m": 0.5}}, "wait_from_m < wait_at_m < replan_position_m"),
         ({"tracking": {**TRACKING.model_dump(), "wait_from_rad": 0.2}}, "wait_from_rad < wait_at_rad"),

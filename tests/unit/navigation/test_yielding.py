@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from robot_stack.core.geometry import Pose2
+from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.site_map import OCCUPIED, Grid
 from robot_stack.navigation.local_map import LocalMap
 from robot_stack.navigation.local_map import local_map as made_of
@@ -39,34 +39,26 @@ def test_nearest_is_from_edge_to_edge() -> None:
     assert nearest_m(HERE, FOOTPRINT, standing()) == math.inf
 
 
-def test_gives_way_away_from_pedestrian_ahead() -> None:
-    twist = way_out(HERE, FOOTPRINT, around(), standing((1.0, 0.0)), MARGIN_M, P)
-    assert twist is not None
-    assert twist.vx < -0.1
-    assert twist.speed() == pytest.approx(P.speed_mps)
-    assert twist.omega == 0.0
+WALLS = ((-4.0, 4.0, 0.65, 0.75), (-4.0, 4.0, -0.75, -0.65))
+CAGE = ((-4.0, 4.0, 0.6, 0.7), (-4.0, 4.0, -0.7, -0.6), (-0.8, -0.7, -1.0, 1.0))
 
 
-def test_in_a_corridor_it_leads_back_and_not_into_a_wall() -> None:
-    walls = around((-4.0, 4.0, 0.65, 0.75), (-4.0, 4.0, -0.75, -0.65))
-    twist = way_out(HERE, FOOTPRINT, walls, standing((1.0, 0.1)), MARGIN_M, P)
-    assert twist is not None
-    assert twist.vx < -0.2
-    assert abs(twist.vy) < 1e-6
+def test_gives_way_away_from_people_and_not_into_a_wall() -> None:
+    def way(boxes: tuple[tuple[float, float, float, float], ...], *people: tuple[float, float]) -> Twist2 | None:
+        return way_out(HERE, FOOTPRINT, around(*boxes), standing(*people), MARGIN_M, P)
 
-
-def test_enclosed_robot_stays() -> None:
-    cage = around((-4.0, 4.0, 0.6, 0.7), (-4.0, 4.0, -0.7, -0.6), (-0.8, -0.7, -1.0, 1.0))
-    assert way_out(HERE, FOOTPRINT, cage, standing((1.0, 0.1)), MARGIN_M, P) is None
-
-
-def test_robot_between_two_pedestrians_approaches_neither() -> None:
-    twist = way_out(HERE, FOOTPRINT, around(), standing((0.95, 0.0), (-0.95, 0.0)), MARGIN_M, P)
-    assert twist is None or abs(twist.vy) > abs(twist.vx)
-
-
-def test_yielding_does_not_move_with_enough_room() -> None:
-    assert way_out(HERE, FOOTPRINT, around(), standing((0.5 + 0.25 + P.room_m + 0.1, 0.0)), MARGIN_M, P) is None
+    back = way((), (1.0, 0.0))
+    assert back is not None
+    assert back.vx < -0.1
+    assert (back.speed(), back.omega) == (pytest.approx(P.speed_mps), 0.0)
+    in_a_corridor = way(WALLS, (1.0, 0.1))
+    assert in_a_corridor is not None
+    assert in_a_corridor.vx < -0.2
+    assert abs(in_a_corridor.vy) < 1e-6
+    between = way((), (0.95, 0.0), (-0.95, 0.0))
+    assert between is None or abs(between.vy) > abs(between.vx)
+    assert way(CAGE, (1.0, 0.1)) is None, "enclosed"
+    assert way((), (0.5 + 0.25 + P.room_m + 0.1, 0.0)) is None, "enough room"
 
 
 class Stubborn:

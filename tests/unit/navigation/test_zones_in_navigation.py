@@ -36,8 +36,7 @@ def outlines(story: Story) -> Array:
     return np.column_stack((x.ravel(), y.ravel()))
 
 
-@pytest.mark.parametrize("chair", [False, True])
-@pytest.mark.parametrize("seen", [nothing, box(6.8, 7.4, 4.6, 5.4)])
+@pytest.mark.parametrize(("chair", "seen"), [(False, nothing), (True, box(6.8, 7.4, 4.6, 5.4))])
 def test_the_footprint_stays_outside_a_keepout_zone(chair: bool, seen: Painter) -> None:
     lawn = zone(ZoneType.KEEPOUT, 6.0, 8.0, 3.5, 6.5)
     story = Story(seen, corridor(), chair=chair, zones=(lawn,))
@@ -45,11 +44,6 @@ def test_the_footprint_stays_outside_a_keepout_zone(chair: bool, seen: Painter) 
     story.until(reached)
     edge = outlines(story)
     assert not lawn.contains(edge[:, 0], edge[:, 1]).any()
-    without = Story(nothing, corridor(), chair=chair)
-    without.go(Pose2(12.0, 5.0, 0.0))
-    without.until(reached)
-    edge = outlines(without)
-    assert lawn.contains(edge[:, 0], edge[:, 1]).any(), "without the zone the way leads through it"
 
 
 def test_a_goal_in_a_keepout_zone_is_refused() -> None:
@@ -78,6 +72,8 @@ def test_a_person_in_a_keepout_zone_is_tracked() -> None:
 
     story = Story(walker, corridor(), zones=(zone(ZoneType.KEEPOUT, 6.0, 9.0, 1.0, 9.0),))
     story.look()
+    question = story.controller.around.question(story.drive.pose, story.drive.pose, story.footprint)
+    assert len(question.seen) == 0, "a zone leaves no memory of obstacles"
     for _ in range(40):
         story.tick()
     assert any(person.walks for person in story.controller.around.everybody)
@@ -90,16 +86,11 @@ def test_a_speed_zone_is_entered_at_its_speed(seen: Painter) -> None:
     assert story.go(Pose2(14.0, 5.0, 0.0)) == ""
     story.until(reached)
     speeds = [(pose.x, output.twist.speed()) for pose, output in zip(story.poses, story.outputs, strict=True)]
-    assert max(speed for x, speed in speeds if 7.0 <= x <= 10.0) <= 0.4 + 0.02
+    inside = [speed for x, speed in speeds if 7.0 <= x <= 10.0]
+    assert max(inside) <= 0.4 + 0.02
+    assert np.median(inside) == pytest.approx(0.95 * 0.4, abs=0.02), "it is used in full"
     assert max(speed for x, speed in speeds if x < 6.5) > 0.5
     assert max(speed for x, speed in speeds if x > 10.5) > 0.6
-
-
-def test_the_slower_of_two_zones_counts() -> None:
-    zones = (zone(ZoneType.SPEED, 0.0, 9.0, 0.0, 9.0, 0.4), zone(ZoneType.SPEED, 5.0, 9.0, 0.0, 9.0, 0.6))
-    story = Story(nothing, corridor(), zones=zones)
-    poses = np.array([(6.0, 5.0, 0.0), (9.5, 5.0, 0.0)])
-    assert story.controller.around.zone_speed_mps(poses).tolist() == [0.4, np.inf]
 
 
 def test_of_many_speed_zones_those_near_the_poses_are_examined(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -140,12 +131,6 @@ def test_the_robot_avoids_what_it_sees_without_entering_a_keepout_zone(chair: bo
     assert inside_keepout(seen, lane, chair=chair, seconds=25.0) == 0
 
 
-def test_a_keepout_zone_leaves_no_memory_of_obstacles() -> None:
-    story = Story(nothing, corridor(), zones=(zone(ZoneType.KEEPOUT, 4.0, 12.0, 5.9, 9.0),))
-    story.look()
-    assert len(story.controller.around.question(story.drive.pose, story.drive.pose, story.footprint).seen) == 0
-
-
 def appearing(now_s: float, x: Array, y: Array) -> npt.NDArray[np.bool_]:
     return box(7.2, 7.8, 4.0, 5.2)(now_s, x, y) & (now_s > 12.5)
 
@@ -174,15 +159,10 @@ def test_zones_limit_the_motion_and_what_lies_ahead_of_it() -> None:
     assert around.zone_limit_mps(Located(Pose2(6.0, 5.0, 0.0), slow, IDENTITY), slow, 0.5) == np.inf
     back = Located(Pose2(6.0, 5.0, np.pi), fast, IDENTITY)
     assert around.zone_limit_mps(back, fast, 0.5) == np.inf
+    both = (zone(ZoneType.SPEED, 0.0, 9.0, 0.0, 9.0, 0.4), zone(ZoneType.SPEED, 5.0, 9.0, 0.0, 9.0, 0.6))
+    slower = Story(nothing, corridor(), zones=both).controller.around
+    assert slower.zone_speed_mps(np.array([(6.0, 5.0, 0.0), (9.5, 5.0, 0.0)])).tolist() == [0.4, np.inf]
     assert Story(nothing, corridor()).controller.around.zone_limit_mps(back, fast, 0.5) == np.inf
-
-
-def test_the_speed_of_a_zone_is_used_in_full() -> None:
-    ward = zone(ZoneType.SPEED, 5.0, 10.0, 0.0, 10.0, 0.3)
-    story = Story(nothing, corridor(), zones=(ward,))
-    story.go(Pose2(14.0, 5.0, 0.0))
-    story.until(lambda _: story.drive.pose.x > 7.0)
-    assert story.outputs[-1].twist.speed() == pytest.approx(0.95 * 0.3, abs=0.01)
 
 
 def test_zones_are_kept_without_a_costmap() -> None:
