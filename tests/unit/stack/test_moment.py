@@ -130,12 +130,6 @@ def test_what_is_not_recorded_is_listed(record) -> None:
     assert "as recorded: robot at x 1.00 m, y 2.00 m, 29 deg, as the localization had it" in text
 
 
-def test_without_a_pose_there_is_no_start(record) -> None:
-    path = record((0.0, topics.BATTERY_STATE, BatteryState()), (4.0, topics.CURRENT_POSE, estimate(HERE)))
-    with pytest.raises(ConfigError, match="no pose of the robot within 2 s"):
-        moment(path, 2.0)
-
-
 def test_the_mission_is_journaled_with_its_progress(record, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     order = MissionOrder(id="visit", mission_id="short_hop", origin="cli", priority=200, state=MissionOrder.UNDER_WAY)
     waiting = MissionOrder(id="later", mission_id="yard_tour", origin="cli")
@@ -171,21 +165,17 @@ def test_states_of_a_mission(record, status: MissionStatus, homeward: bool, resu
     found = moment(record((0.0, topics.CURRENT_POSE, estimate(HERE)), (0.0, topics.MISSION_STATUS, status)))
     assert found.record is not None
     assert (found.record.homeward, found.resumes) == (homeward, resumes)
+    assert not found.record.docking_begun
     assert found.record.state is (State.RUNNING if resumes else State.PAUSED)
 
 
 def test_a_docking_under_way_begins_again_where_the_robot_stands(record) -> None:
     known = mission_library().find("short_transport")
     index = next(number for number, stop in enumerate(known.waypoints) if stop.action.kind is Kind.DOCK)
-    status = mission(
-        mission_id=known.id,
-        current_waypoint=known.waypoints[index].name,
-        waypoints_completed=index,
-        total_waypoints=len(known.waypoints),
-    )
+    route = {"current_waypoint": known.waypoints[index].name, "total_waypoints": len(known.waypoints)}
     path = record(
         (0.0, topics.CURRENT_POSE, estimate(HERE)),
-        (0.0, topics.MISSION_STATUS, status),
+        (0.0, topics.MISSION_STATUS, mission(mission_id=known.id, waypoints_completed=index, **route)),
         (0.0, topics.DOCKING_STATUS, DockingStatus(state="SERVOING")),
     )
     found = moment(path)
@@ -240,17 +230,20 @@ def test_an_event_begins_before_its_first_trigger(record) -> None:
     assert moment(path).at_s == 15.0
 
 
+def test_without_a_pose_there_is_no_start(record) -> None:
+    path = record((0.0, topics.BATTERY_STATE, BatteryState()), (4.0, topics.CURRENT_POSE, estimate(HERE)))
+    with pytest.raises(ConfigError, match="no pose of the robot within 2 s"):
+        moment(path, 2.0)
+
+
 def test_file_and_seconds(tmp_path: Path) -> None:
     assert parse_moment("ride.mcap@12.5") == (Path("ride.mcap"), 12.5)
     assert parse_moment("ride.mcap") == (Path("ride.mcap"), None)
     odd = tmp_path / "ride@12"
     odd.mkdir()
     assert parse_moment(str(odd)) == (odd, None)
+    with pytest.raises(ConfigError, match=r"--from .* cannot be read"):
+        read_moment(tmp_path / "gone.mcap", 1.0)
     for wrong in ("ride.mcap@x", "ride.mcap@-1", "ride.mcap@inf"):
         with pytest.raises(ConfigError, match="seconds since the recording's begin"):
             parse_moment(wrong)
-
-
-def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"--from .* cannot be read"):
-        read_moment(tmp_path / "gone.mcap", 1.0)

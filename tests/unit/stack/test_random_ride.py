@@ -16,13 +16,15 @@ from sim.worldfile import load_world
 
 _DESCRIBED = {"description": "a ride", "world": "yard", "seed": 1}
 WORLD = load_world("yard")
-RIDES = [validate(Scenario, _DESCRIBED | random_ride(seed, WORLD), "random") for seed in range(200)]
+RIDES = [validate(Scenario, _DESCRIBED | random_ride(seed, WORLD), "random") for seed in range(60)]
 
 
 def test_random_scenario_is_determined_by_seed() -> None:
     first, again, other = (choose_scenario("random", seed)[0] for seed in (5, 5, 6))
     assert first == again != other
     assert choose_scenario("random")[0] == choose_scenario("random", 1)[0]
+    with pytest.raises(ConfigError, match="nowhere"):
+        choose_scenario("random", 1, world="nowhere")
 
 
 def test_missions_goals_and_driving_by_hand_with_and_without_a_chair() -> None:
@@ -59,8 +61,3 @@ def _on(points: list[tuple[float, float]], place: tuple[float, float]) -> bool:
     return any(
         math.dist(a, place) + math.dist(place, b) - math.dist(a, b) < 1e-9 for a, b in itertools.pairwise(points)
     )
-
-
-def test_an_unknown_world_is_refused() -> None:
-    with pytest.raises(ConfigError, match="nowhere"):
-        choose_scenario("random", 1, world="nowhere")
