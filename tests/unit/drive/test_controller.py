@@ -48,17 +48,13 @@ def driving() -> Ride:
     return ride
 
 
-def test_a_halt_is_zero_at_once() -> None:
-    output = driving().carry_out(Action.HALT, TICK_S)
-    assert output.twist == ZERO_TWIST
-    assert set(output.modules.speeds_mps) == {0.0}
-
-
 def test_braking_ignores_the_request_and_takes_the_emergency_deceleration() -> None:
     ride = driving()
     output = ride.carry_out(Action.BRAKE, 0.5 * STOPS_IN_S)
     assert output.twist.vx == pytest.approx(0.5, abs=0.1)
     assert ride.carry_out(Action.BRAKE, 0.5 * STOPS_IN_S + 2.0 * TICK_S).twist == ZERO_TWIST
+    output = driving().carry_out(Action.HALT, TICK_S)
+    assert (output.twist, set(output.modules.speeds_mps)) == (ZERO_TWIST, {0.0}), "a halt is zero at once"
 
 
 def test_a_hard_stop_begins_between_two_steps_and_the_next_step_continues_it() -> None:
