@@ -69,18 +69,12 @@ def test_emergency_stop_line_contains_release_commands() -> None:
     line = describe(observer(safety_state="EMERGENCY_STOP", active_faults=["ESTOP_PRESSED"]))
     assert "EMERGENCY_STOP (ESTOP_PRESSED)" in line
     assert line.endswith("`robot-stack reset`, then `robot-stack mission resume`")
-
-
-@pytest.mark.parametrize(("state", "text"), [("IDLE", ""), ("DOCKED", "with passenger"), ("SEARCH", "SEARCH")])
-def test_docking_state_is_described(state: str, text: str) -> None:
-    assert doing(observer(docking=state)) == text
-
-
-def test_slow_simulation_displays_pace() -> None:
     slow = observer()
     slow.pace = 0.5
     assert "simulation at 0.5x" in describe(slow)
     assert "simulation" not in describe(observer())
+    states = {"IDLE": "", "DOCKED": "with passenger", "SEARCH": "SEARCH"}
+    assert {state: doing(observer(docking=state)) for state in states} == states
 
 
 def test_short_option_sets_mission_and_start_and_is_overridden_by_options(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import shutil
 from pathlib import Path
 from typing import Any
@@ -43,6 +42,7 @@ def test_state_lies_in_the_results_and_nothing_stays_in_memory(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     launches = launched(monkeypatch, client.StartError("not ready: sim_world"))
+    assert not [item for item in demo._settings(demo._options()) if "/" in item], "no file outside the home"
     assert demo.main() == 1
     (launch,) = launches
     folder = (tmp_path / "results" / "demo-latest").resolve()
@@ -86,14 +86,10 @@ def test_a_folder_that_cannot_be_made_is_explained(tmp_path: Path) -> None:
         demo._folder(tmp_path / "taken")
 
 
-def test_missions_of_the_user_that_take_a_shipped_name_do_not_stop_it(user: Path) -> None:
-    user.mkdir(parents=True)
-    shutil.copy(config_dir() / "missions" / "short_hop.yaml", user)
-    assert demo._library("short_hop").find("short_hop").id == "short_hop"
-
-
 def test_a_mission_of_the_user_goes_with_the_demo(user: Path, tmp_path: Path) -> None:
     user.mkdir(parents=True)
+    shutil.copy(config_dir() / "missions" / "short_hop.yaml", user)
+    assert demo._library("short_hop").find("short_hop").id == "short_hop", "a shipped name does not stop it"
     text = (config_dir() / "missions" / "short_hop.yaml").read_text(encoding="utf-8")
     (user / "my_round.yaml").write_text(text.replace("short_hop", "my_round"), encoding="utf-8")
     library = demo._library("my_round")
@@ -102,8 +98,3 @@ def test_a_mission_of_the_user_goes_with_the_demo(user: Path, tmp_path: Path) ->
     assert (own_missions_dir(environment_with_home(tmp_path / "home")) / "my_round.yaml").is_file()
     with pytest.raises(MissionError, match="known: "):
         demo._library("nowhere").find("nowhere")
-
-
-def test_settings_name_no_file_outside_the_home(monkeypatch: pytest.MonkeyPatch) -> None:
-    options: argparse.Namespace = demo._options()
-    assert not [item for item in demo._settings(options) if "/" in item]

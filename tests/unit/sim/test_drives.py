@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from robot_stack.core.geometry import Twist2
 from sim.plant import drive_loops as loops
 
 from .bench import (
@@ -19,7 +18,6 @@ from .bench import (
     STEERS,
     Bench,
     make_bench,
-    wheels,
 )
 
 FL_DRIVE, FL_STEER = 0, 1
@@ -42,21 +40,21 @@ def rolling(bench: Bench) -> Bench:
     return bench
 
 
-def test_servo_on_takes_its_time(bench: Bench) -> None:
+def test_servo_on_takes_its_time_and_nothing_moves_before(bench: Bench) -> None:
+    before = bench.inp.position_counts.copy()
+    bench.command(5.0, 1.0)
+    bench.run(0.3)
+    assert abs(bench.twist().vx) < 1e-5, "without servo nothing moves"
+    assert bench.inp.position_counts == pytest.approx(before, abs=1)
+    assert bench.inp.torque_percent == pytest.approx([0.0] * 8, abs=0.1)
+    bench.command(0.0)
+    bench.out.outputs[2] = 0b101
     bench.out.servo_on[:] = True
     bench.run(SETTINGS.servo_on_delay_s - 0.005)
+    assert bench.world.drives.outputs.tolist() == [0, 0, 0b101, 0, 0, 0, 0, 0]
     assert not bench.inp.servo_on.any()
     bench.run(0.010)
     assert bench.inp.servo_on.all()
-
-
-def test_without_servo_nothing_moves(bench: Bench) -> None:
-    before = bench.inp.position_counts.copy()
-    bench.command(5.0, 1.0)
-    bench.run(0.5)
-    assert abs(bench.twist().vx) < 1e-5
-    assert bench.inp.position_counts == pytest.approx(before, abs=1)
-    assert bench.inp.torque_percent == pytest.approx([0.0] * 8, abs=0.1)
 
 
 def test_a_command_acts_one_cycle_later_and_its_effect_is_seen_one_cycle_after_that() -> None:
@@ -113,19 +111,6 @@ def test_quantisation_is_visible_in_the_speed() -> None:
     assert np.mean(seen) == pytest.approx(np.mean(true), rel=1e-3)
 
 
-def test_torque_never_exceeds_the_motor(bench: Bench) -> None:
-    bench.servo()
-    bench.command(ROBOT.drive.max_speed_radps)
-    worst = 0.0
-
-    def look() -> None:
-        nonlocal worst
-        worst = max(worst, float(np.max(np.abs(bench.inp.torque_percent))))
-
-    bench.run(0.5, look)
-    assert 90.0 < worst <= 100.0
-
-
 def test_torque_falls_with_speed() -> None:
     matrix = make_bench().world.drives._parameters
     corner, top = SETTINGS.drive.constant_torque_speed_radps, ROBOT.drive.max_speed_radps
@@ -135,27 +120,26 @@ def test_torque_falls_with_speed() -> None:
     assert limit(FL_DRIVE, 1.0, 0.5 * (corner + top), matrix) == pytest.approx(0.5 * peak)
     assert limit(FL_DRIVE, 1.0, top, matrix) == 0.0
     assert limit(FL_DRIVE, -1.0, top, matrix) == pytest.approx(peak), "braking keeps the full torque"
+    bench = make_bench()
+    bench.servo()
+    bench.command(ROBOT.drive.max_speed_radps)
+    seen: list[float] = []
+    bench.run(0.3, lambda: seen.append(float(np.max(np.abs(bench.inp.torque_percent)))))
+    assert 90.0 < max(seen) <= 100.0
 
 
 def test_steering_follows_a_profile(bench: Bench) -> None:
     bench.servo()
-    target = np.array([0.8, -0.8, 1.5, -1.5])
+    for turn in (2.0, 4.0):  # without end
+        bench.turn_modules(np.full(4, turn))
+    target = np.array([4.8, 3.2, 5.5, 2.5])
     bench.turn_modules(target)
     bench.run(0.2)
     assert bench.inp.position_counts[STEERS] * STEER_RAD_PER_COUNT == pytest.approx(target, abs=0.003)
     assert bench.world.truth().joint_positions_rad[STEERS] == pytest.approx(target, abs=0.004)
 
 
-def test_steering_turns_without_end(bench: Bench) -> None:
-    bench.servo()
-    for turn in (1, 2, 3):
-        bench.turn_modules(np.full(4, turn * 2.0))
-    assert bench.world.truth().joint_positions_rad[STEERS] == pytest.approx([6.0] * 4, abs=0.005)
-    assert bench.inp.alarm_code.tolist() == [0] * 8
-
-
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("axis", [FL_DRIVE, FL_STEER])
+@pytest.mark.parametrize(("axis", "bad"), [(FL_DRIVE, math.nan), (FL_DRIVE, -math.inf), (FL_STEER, math.inf)])
 def test_non_finite_command_stops_axis_and_is_not_passed_to_physics(rolling: Bench, bad: float, axis: int) -> None:
     rolling.out.velocity_counts_per_s[axis] = bad
     rolling.run(0.05)
@@ -170,7 +154,7 @@ def test_non_finite_command_stops_axis_and_is_not_passed_to_physics(rolling: Ben
     assert rolling.world.drives.brakes_closed[DRIVES].all()
 
 
-def test_brake_closes_when_the_servo_goes_off(bench: Bench) -> None:
+def test_brake_closes_at_rest_and_when_the_servo_goes_off(bench: Bench) -> None:
     bench.servo()
     assert bench.world.drives.brakes_closed[DRIVES].all(), "at rest the brake stays closed until a speed is asked for"
     bench.command(1.0)
@@ -178,19 +162,21 @@ def test_brake_closes_when_the_servo_goes_off(bench: Bench) -> None:
     assert not bench.world.drives.brakes_closed[DRIVES].any()
     bench.command(0.0)
     bench.run(0.2)
+    assert not bench.world.drives.brakes_closed[DRIVES].any()
+    bench.run(SETTINGS.brake_hold_delay_s + 0.5)
+    assert bench.world.drives.brakes_closed[DRIVES].all(), "at rest it relieves the motor"
+    assert bench.inp.servo_on.all()
+    assert bench.inp.torque_percent[DRIVES] == pytest.approx([0.0] * 4, abs=0.5)
+    bench.command(1.0)
+    bench.run(SETTINGS.brake_release_delay_s + 0.005)
+    bench.command(0.0)
+    bench.run(0.2)
     bench.out.servo_on[:] = False
     bench.run(0.01)
     assert bench.world.drives.brakes_closed[DRIVES].all()
-
-
-def test_brake_relieves_the_motor_at_rest(rolling: Bench) -> None:
-    rolling.ramp(0.0, 1.0)
-    rolling.run(0.1)
-    assert not rolling.world.drives.brakes_closed[DRIVES].any()
-    rolling.run(SETTINGS.brake_hold_delay_s + 0.5)
-    assert rolling.world.drives.brakes_closed[DRIVES].all()
-    assert rolling.inp.servo_on.all()
-    assert rolling.inp.torque_percent[DRIVES] == pytest.approx([0.0] * 4, abs=0.5)
+    bench.talking = False
+    bench.run(0.3)
+    assert (bench.world.drives.alarm_codes == 0).all(), "a bus that stops after the servos raises no alarm"
 
 
 def test_servo_off_in_motion_brakes_softly_before_the_brake_closes(rolling: Bench) -> None:
@@ -204,6 +190,14 @@ def test_servo_off_in_motion_brakes_softly_before_the_brake_closes(rolling: Benc
 
 def test_a_silent_bus_stops_the_robot_by_itself(rolling: Bench) -> None:
     """0.1 s of silence, then 2.0 m/s2 from 0.5 m/s: at rest after 0.35 s plus lag."""
+    drives, before = rolling.world.drives, rolling.inp.position_counts.copy()
+    drives.set_bus(False)
+    rolling.run(0.02)
+    assert drives.exchange(rolling.out, rolling.inp) is False
+    assert (rolling.inp.position_counts == before).all()
+    drives.set_bus(True)
+    assert drives.exchange(rolling.out, rolling.inp) is True
+    assert (rolling.inp.position_counts[DRIVES] > before[DRIVES]).all()
     rolling.talking = False
     rolling.run(SETTINGS.bus_watchdog_s - 0.005)
     assert rolling.twist().vx == pytest.approx(0.5, abs=0.02), "a short silence is no reason to stop"
@@ -221,27 +215,6 @@ def test_a_silent_bus_stops_the_robot_by_itself(rolling: Bench) -> None:
     assert not rolling.inp.servo_on.any(), "the bus alone does not bring the drives back"
 
 
-def test_bus_stop_after_servo_off_raises_no_alarm(bench: Bench) -> None:
-    bench.servo()
-    bench.out.servo_on[:] = False
-    bench.run(0.001)
-    bench.talking = False
-    bench.run(0.3)
-    assert (bench.world.drives.alarm_codes == 0).all()
-
-
-def test_bus_loss_is_reported_and_leaves_feedback_unchanged(rolling: Bench) -> None:
-    world = rolling.world
-    before = rolling.inp.position_counts.copy()
-    world.drives.set_bus(False)
-    rolling.run(0.02)
-    assert world.drives.exchange(rolling.out, rolling.inp) is False
-    assert (rolling.inp.position_counts == before).all()
-    world.drives.set_bus(True)
-    assert world.drives.exchange(rolling.out, rolling.inp) is True
-    assert (rolling.inp.position_counts[DRIVES] > before[DRIVES]).all()
-
-
 def test_a_drive_alarm_takes_the_axis_off_until_cause_and_alarm_are_cleared(rolling: Bench) -> None:
     rolling.world.drives.set_alarm(FL_DRIVE, 0x4210)
     rolling.run(0.01)
@@ -255,19 +228,17 @@ def test_a_drive_alarm_takes_the_axis_off_until_cause_and_alarm_are_cleared(roll
     rolling.world.drives.set_alarm(FL_DRIVE, 0)
     rolling.run(0.05)
     assert rolling.inp.alarm_code[FL_DRIVE] == 0
-
-
-def test_one_cycle_of_clear_alarm_is_enough(bench: Bench) -> None:
-    bench.world.drives.set_alarm(FL_DRIVE, 0x4210)
-    bench.run(0.01)
-    bench.world.drives.set_alarm(FL_DRIVE, 0)
-    bench.run(0.1)
-    assert bench.inp.alarm_code[FL_DRIVE] == 0x4210, "an alarm never clears itself"
-    bench.out.clear_alarm[FL_DRIVE] = True
-    bench.run(0.001)
-    bench.out.clear_alarm[FL_DRIVE] = False
-    bench.run(0.02)
-    assert bench.inp.alarm_code[FL_DRIVE] == 0
+    rolling.out.clear_alarm[FL_DRIVE] = False
+    rolling.world.drives.set_alarm(FL_DRIVE, 0x4210)
+    rolling.run(0.01)
+    rolling.world.drives.set_alarm(FL_DRIVE, 0)
+    rolling.run(0.1)
+    assert rolling.inp.alarm_code[FL_DRIVE] == 0x4210, "an alarm never clears itself"
+    rolling.out.clear_alarm[FL_DRIVE] = True
+    rolling.run(0.001)
+    rolling.out.clear_alarm[FL_DRIVE] = False
+    rolling.run(0.02)
+    assert rolling.inp.alarm_code[FL_DRIVE] == 0, "one cycle of clearing is enough"
 
 
 def test_a_frozen_encoder_ends_in_an_overload_alarm(rolling: Bench) -> None:
@@ -316,16 +287,3 @@ def test_estop_bit_is_normally_closed(bench: Bench) -> None:
     bench.world.drives.set_estop_pressed(False)
     bench.run(0.001)
     assert bench.inp.inputs[byte] == others | mask
-
-
-def test_outputs_arrive(bench: Bench) -> None:
-    bench.out.outputs[2] = 0b101
-    bench.run(0.001)
-    assert bench.world.drives.outputs.tolist() == [0, 0, 0b101, 0, 0, 0, 0, 0]
-
-
-def test_wheels_of_a_spin_by_hand() -> None:
-    """Module FL at (0.30, 0.25), w = 1: v = (-0.25, 0.30), so 0.3905 m/s backwards along atan2(-0.30, 0.25)."""
-    speeds, angles = wheels(Twist2(0.0, 0.0, 1.0))
-    assert speeds[0] * ROBOT.wheel_radius_m == pytest.approx(-0.390512, abs=1e-6)
-    assert angles[0] == pytest.approx(-0.876058, abs=1e-6)

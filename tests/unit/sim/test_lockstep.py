@@ -28,14 +28,9 @@ def test_late_nodes_are_reported() -> None:
     assert late({"a": 1.0, "b": 1.0}, 1.02, TOLERANCE_S) == {}
     assert late({"a": 1.0, "b": 1.02}, 1.04, TOLERANCE_S) == {"a": "40 ms late"}
     assert late({"a": 1.04, "b": 1.02}, 1.04, TOLERANCE_S) == {}
-
-
-def test_node_without_deadline_is_never_late() -> None:
-    assert late({"a": math.inf}, 1000.0, TOLERANCE_S) == {}
-
-
-def test_late_node_is_reported_without_time_limit() -> None:
-    assert all(late({"a": 1.0}, 2.0 + step, TOLERANCE_S) for step in range(100))
+    assert late({"a": 1.0, "b": math.inf}, 1000.0, TOLERANCE_S) == {"a": "999000 ms late"}
+    assert describe({"a": "late"}) == "a (late)"
+    assert describe(dict.fromkeys("abcde", "x")) == "a (x), b (x), c (x) and 2 more"
 
 
 def test_a_message_that_wakes_is_waited_for_and_others_are_the_timers() -> None:
@@ -50,11 +45,6 @@ def test_a_message_that_wakes_is_waited_for_and_others_are_the_timers() -> None:
     assert Mail(pages, ["sender", "polling"]).owed() == {}
     woken.taken[ROW] = 101
     assert mail.owed() == {}
-
-
-def test_the_status_line_names_the_first_three() -> None:
-    assert describe({"a": "late"}) == "a (late)"
-    assert describe(dict.fromkeys("abcde", "x")) == "a (x), b (x), c (x) and 2 more"
 
 
 class TestProcesses:
@@ -74,16 +64,12 @@ class TestProcesses:
         started.wait()
         started.stdout.close()
 
-    def test_one_that_is_stopped_from_outside_takes_part(self, process: subprocess.Popen[str]) -> None:
-        """The world waits for as long as a debugger or a busy machine stops the process."""
+    def test_one_that_a_fault_stops_does_not_until_the_fault_ends(self, process: subprocess.Popen[str]) -> None:
+        """A stop from outside, as by a debugger, makes the world wait."""
         processes = Processes()
         process.send_signal(signal.SIGSTOP)
         assert processes.takes_part("other")
         process.send_signal(signal.SIGCONT)
-
-    def test_one_that_a_fault_stops_does_not_until_the_fault_ends(self, process: subprocess.Popen[str]) -> None:
-        processes = Processes()
-        assert processes.takes_part("other")
         processes.stop("other")
         assert not processes.takes_part("other")
         wait_for(lambda: _state(process.pid) == "T", "the process to stand still")

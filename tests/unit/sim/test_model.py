@@ -14,10 +14,9 @@ from robot_stack.core.robot import Robot
 from sim.plant.inertia import box_diagonal, chassis_inertial, wheelchair_inertial
 from sim.plant.model import write_mjcf
 from sim.plant.robot_model import nominal_tolerances
-from sim.plant.world import Setup, World
 from sim.worldfile import load_world
 
-from .bench import PARAMS, ROBOT, Bench, make_bench
+from .bench import PARAMS, ROBOT, make_bench
 
 
 @pytest.fixture(scope="module")
@@ -33,16 +32,11 @@ def test_masses_are_the_configured_ones(model: mujoco.MjModel) -> None:
         assert model.body(f"{name}_steer").mass[0] == pytest.approx(ROBOT.steer_mass_kg)
 
 
-def test_centre_of_gravity_is_the_configured_one(model: mujoco.MjModel) -> None:
+def test_wheels_stand_at_the_corners_and_touch_the_ground(model: mujoco.MjModel) -> None:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     centre = data.subtree_com[model.body("base").id]
     assert centre == pytest.approx([0.0, 0.0, ROBOT.centre_of_gravity_height_m], abs=1e-9)
-
-
-def test_wheels_stand_at_the_corners_and_touch_the_ground(model: mujoco.MjModel) -> None:
-    data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
     half_sink = 0.5 * PARAMS.physics.contact_sink_m
     for name, (x, y) in zip(MODULES, ROBOT.module_positions_m(), strict=True):
         assert data.body(f"{name}_wheel").xpos == pytest.approx([x, y, ROBOT.wheel_radius_m])
@@ -52,29 +46,11 @@ def test_wheels_stand_at_the_corners_and_touch_the_ground(model: mujoco.MjModel)
 
 
 def test_joints_turn_about_the_right_axes(model: mujoco.MjModel) -> None:
+    assert [model.actuator(i).name for i in range(model.nu)] == list(JOINTS), "in the order of the axes"
     for joint in JOINTS:
         axis = [0, 1, 0] if joint.endswith("_drive") else [0, 0, 1]
         assert model.joint(joint).axis == pytest.approx(axis)
         assert not model.jnt_limited[model.joint(joint).id], "steering and wheels turn without end"
-
-
-def test_actuators_are_in_axis_order(model: mujoco.MjModel) -> None:
-    assert [model.actuator(i).name for i in range(model.nu)] == list(JOINTS)
-
-
-def test_a_wheel_turned_forward_moves_the_robot_forward() -> None:
-    bench = make_bench()
-    bench.servo()
-    bench.ramp(2.0, 1.0)
-    assert bench.twist().vx > 0.1
-
-
-def test_wheels_sink_by_configured_depth() -> None:
-    bench = make_bench()
-    bench.run(0.5)
-    sinks = [-contact.dist for contact in bench.world.data.contact]
-    assert len(sinks) == 4
-    assert sinks == pytest.approx([PARAMS.physics.contact_sink_m] * 4, rel=0.05)
 
 
 def test_weight_rests_on_four_wheels_alike() -> None:
@@ -82,6 +58,8 @@ def test_weight_rests_on_four_wheels_alike() -> None:
     bench.run(1.0)
     quarter = ROBOT.mass_kg * 9.81 / 4
     assert bench.world.normal_forces_n() == pytest.approx([quarter] * 4, rel=0.02)
+    sinks = [-contact.dist for contact in bench.world.data.contact]
+    assert sinks == pytest.approx([PARAMS.physics.contact_sink_m] * 4, rel=0.05)
 
 
 def test_the_robot_never_touches_itself() -> None:
@@ -101,6 +79,8 @@ def test_chair_and_passenger_add_up() -> None:
     assert inertial.mass_kg == pytest.approx(120.0)
     assert inertial.centre_m == pytest.approx((PARAMS.wheelchair.centre_of_gravity_x_m, 0.0, 0.5875))
     assert inertial.diagonal_kgm2[2] < inertial.diagonal_kgm2[1]
+    # 12 kg, 1 x 2 x 3 m: m/12 (4 + 9) = 13, m/12 (1 + 9) = 10, m/12 (1 + 4) = 5.
+    assert box_diagonal(12.0, (1.0, 2.0, 3.0)) == pytest.approx((13.0, 10.0, 5.0))
 
 
 def test_passenger_mass_changes_while_the_world_runs() -> None:
@@ -112,16 +92,9 @@ def test_passenger_mass_changes_while_the_world_runs() -> None:
     assert before == pytest.approx(ROBOT.mass_kg + ROBOT.chair_mass_kg)
     assert mujoco.mj_getTotalmass(bench.world.model) == pytest.approx(before + 120.0)
     assert abs(bench.twist().vx) < 0.01
-
-
-@pytest.mark.parametrize("mass", [-1.0, 121.0, math.nan, math.inf])
-def test_invalid_passenger_mass_is_rejected(mass: float) -> None:
-    bench = make_bench(passenger_kg=0.0)
-    with pytest.raises(ValueError, match="passenger_mass_kg"):
-        bench.world.set_passenger_mass(mass)
-
-
-def test_attach_without_wheelchair_in_world_is_rejected() -> None:
+    for mass in (-1.0, 121.0, math.nan):
+        with pytest.raises(ValueError, match="passenger_mass_kg"):
+            bench.world.set_passenger_mass(mass)
     with pytest.raises(ValueError, match="no wheelchair"):
         make_bench().world.attach_wheelchair(50.0)
 
@@ -146,27 +119,10 @@ def test_chair_is_attached_in_motion_and_detached() -> None:
     assert 0.005 < chair.xpos[0] - place < 0.05
 
 
-def test_a_parked_chair_is_out_of_the_way() -> None:
-    file = load_world("flat")
-    world = World(ROBOT, PARAMS, Setup(file, 1, file.start.pose(), wheelchair=True))
-    bench = Bench(world)
-    bench.run(0.5)
-    assert not world.attached
-    assert world.data.body("wheelchair").xpos[2] == pytest.approx(-5.0, abs=1e-3)
-
-
-def test_box_inertia() -> None:
-    """12 kg, 1 x 2 x 3 m: m/12 (4 + 9) = 13, m/12 (1 + 9) = 10, m/12 (1 + 4) = 5."""
-    assert box_diagonal(12.0, (1.0, 2.0, 3.0)) == pytest.approx((13.0, 10.0, 5.0))
-
-
-def test_a_robot_lighter_than_its_wheels_is_refused() -> None:
-    light = validate(Robot, {**ROBOT.model_dump(), "mass_kg": 25.0}, "test")
-    with pytest.raises(ValueError, match="leaves nothing for the chassis"):
-        chassis_inertial(light, PARAMS)
-
-
-def test_a_centre_of_gravity_outside_the_chassis_is_refused() -> None:
-    flat = validate(Robot, {**ROBOT.model_dump(), "centre_of_gravity_height_m": 0.05}, "test")
-    with pytest.raises(ValueError, match="outside its box"):
-        chassis_inertial(flat, PARAMS)
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [({"mass_kg": 25.0}, "leaves nothing for the chassis"), ({"centre_of_gravity_height_m": 0.05}, "outside its box")],
+)
+def test_a_chassis_that_cannot_be_is_refused(change: dict[str, float], says: str) -> None:
+    with pytest.raises(ValueError, match=says):
+        chassis_inertial(validate(Robot, {**ROBOT.model_dump(), **change}, "test"), PARAMS)

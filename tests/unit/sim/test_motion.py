@@ -58,10 +58,8 @@ def measured(bench: Bench, duration_s: float) -> tuple[Twist2, np.ndarray]:
 @pytest.mark.parametrize(
     "requested",
     [
-        Twist2(1.0, 0.0, 0.0),
         Twist2(-0.5, 0.0, 0.0),
         Twist2(0.0, 1.0, 0.0),
-        Twist2(0.0, 0.0, 1.0),
         Twist2(0.6, 0.3, 0.5),
     ],
 )
@@ -79,9 +77,7 @@ def test_commanded_speed_is_reached_with_little_slip(requested: Twist2) -> None:
     assert np.abs(slip).max() < 0.004
 
 
-@pytest.mark.parametrize(
-    "requested", [Twist2(1.0, 0.0, 0.0), Twist2(0.0, 0.5, 0.0), Twist2(0.0, 0.0, 0.6), Twist2(0.5, 0.2, 0.4)]
-)
+@pytest.mark.parametrize("requested", [Twist2(1.0, 0.0, 0.0), Twist2(0.5, 0.2, 0.4)])
 def test_with_chair_and_120_kg_the_drive_follows_within_2_percent(requested: Twist2) -> None:
     """The chair swings 0.95 m ahead; the latch deflects by less than 0.5 mm and 0.1 deg, and no motor saturates."""
     rig = Rig(ROBOT, PARAMS, Setup(load_world("flat"), 1, IDENTITY, attached_at_start=True, passenger_mass_kg=120.0))
@@ -108,39 +104,31 @@ def test_with_chair_and_120_kg_the_drive_follows_within_2_percent(requested: Twi
     assert not rig.sim.world.drives.alarm_codes.any()
 
 
-@pytest.mark.parametrize("slope_deg", [5.0, 10.0])
-@pytest.mark.parametrize("passenger_kg", [None, 120.0])
-@pytest.mark.parametrize("servo", [False, True])
-def test_brake_holds_on_a_slope(slope_deg: float, passenger_kg: float | None, servo: bool) -> None:
+@pytest.mark.parametrize(("passenger_kg", "servo"), [(None, False), (120.0, False), (120.0, True)])
+def test_brake_holds_on_a_slope_of_10_degrees(passenger_kg: float | None, servo: bool) -> None:
     """Less than 1.5 mm in 10 s, empty and with 150 kg, with the servos off and on.
 
     The contact's own creep is 0.6 mm of it; with the servos on and 150 kg six seeds gave 0.93 to 1.05 mm.
     """
-    bench = on_slope(slope_deg, passenger_kg)
+    bench = on_slope(10.0, passenger_kg)
     if servo:
         bench.servo()
     bench.run(1.0)
     before = np.array(bench.world.truth().position_m)
     bench.run(10.0)
     assert np.linalg.norm(np.array(bench.world.truth().position_m) - before) < 0.0015
-
-
-def test_without_brakes_it_would_roll() -> None:
-    """The same slope with brakes that do not hold: the robot rolls off, so the brake test can fail."""
-    bench = on_slope(10.0, None)
     bench.world.drives._parameters[loops.P_BRAKE_TORQUE] = 0.0
-    bench.run(2.0)
-    assert bench.world.truth().position_m[0] < on_slope(10.0, None).world.truth().position_m[0] - 0.05
+    bench.run(1.0)
+    if not servo:
+        assert bench.world.truth().position_m[0] < before[0] - 0.02, "without brakes it would roll"
 
 
-@pytest.mark.parametrize("passenger_kg", [None, 120.0])
-def test_climbs_5_degrees_at_half_a_metre_per_second(passenger_kg: float | None) -> None:
-    bench = make_bench("ramps", start=Pose2(1.0, 0.0, 0.0), passenger_kg=passenger_kg)
+def test_climbs_5_degrees_at_half_a_metre_per_second() -> None:
+    bench = make_bench("ramps", start=Pose2(1.0, 0.0, 0.0), passenger_kg=120.0)
     bench.servo()
     bench.ramp(0.5 / ROBOT.wheel_radius_m, 0.5)
     bench.run(7.0)
-    climbing = bench.world.truth()
-    assert climbing.position_m[2] > 0.05
+    assert bench.world.truth().position_m[2] > 0.05
     assert bench.twist().vx == pytest.approx(0.5, abs=0.02)
     bench.run(8.0)
     assert bench.world.truth().position_m[2] == pytest.approx(RAMPS[5.0].height_m, abs=0.002), "on the flat top"
@@ -152,107 +140,65 @@ def test_emergency_stop_from_1_mps(passenger_kg: float | None) -> None:
     bench = make_bench(passenger_kg=passenger_kg)
     bench.servo()
     bench.drive(Twist2(1.0, 0.0, 0.0), 0.5)
-    bench.run(1.0)
+    bench.run(0.5)
     start = bench.world.truth().position_m[0]
-    slowest: list[float] = []
-    slips: list[float] = []
-
-    def look() -> None:
-        speed = bench.twist().vx
-        slips.append(float(np.abs(bench.world.wheel_slip_mps()[:, 0]).max()))
-        if speed > 0.2:
-            rolling = bench.world.truth().joint_speeds_radps[DRIVES] * ROBOT.wheel_radius_m
-            slowest.append(float(np.min(rolling)) / speed)
-
-    n = 500
+    slowest, slips, pitches, n = [1.0], [0.0], [0.0], 500
 
     def brake() -> None:
         nonlocal n
         n = max(0, n - 1)
         bench.command(n / 500 / ROBOT.wheel_radius_m)
-        look()
+        truth, speed = bench.world.truth(), bench.twist().vx
+        slips.append(float(np.abs(bench.world.wheel_slip_mps()[:, 0]).max()))
+        pitches.append(2.0 * truth.quaternion_xyzw[1])
+        if speed > 0.2:
+            slowest.append(float(np.min(truth.joint_speeds_radps[DRIVES])) * ROBOT.wheel_radius_m / speed)
 
     bench.run(1.5, brake)
-    distance = bench.world.truth().position_m[0] - start
-    assert 0.24 < distance < 0.40
+    assert 0.24 < bench.world.truth().position_m[0] - start < 0.40
     assert abs(bench.twist().vx) < 0.01
     assert min(slowest) > 0.5, "a locked wheel would roll at 0"
     assert max(slips) < 0.1, "the unloaded rear wheels slide a little under load, the others hardly"
+    if passenger_kg is None:
+        assert math.radians(0.05) < max(pitches) < math.radians(1.0), "braking pitches the robot forward"
 
 
-def test_braking_pitches_the_robot_forward() -> None:
-    bench = make_bench()
-    bench.servo()
-    bench.drive(Twist2(1.0, 0.0, 0.0))
-    bench.run(0.5)
-    n, pitch = 500, 0.0
-
-    def brake() -> None:
-        nonlocal n, pitch
-        n = max(0, n - 1)
-        bench.command(n / 500 / ROBOT.wheel_radius_m)
-        pitch = max(pitch, 2.0 * bench.world.truth().quaternion_xyzw[1])
-
-    bench.run(0.5, brake)
-    assert math.radians(0.05) < pitch < math.radians(1.0)
-
-
-def test_a_slippery_wheel_spins() -> None:
+@pytest.mark.parametrize(("friction", "least_mps", "most_mps"), [(None, 0.0, 0.01), (0.02, 0.02, math.inf)])
+def test_a_slippery_wheel_spins(friction: float | None, least_mps: float, most_mps: float) -> None:
     """Friction 0.02 under one wheel: at most 4 N, while 1 m/s2 needs 20 N; on dry ground the wheel hardly slips."""
-
-    def worst_slip(friction: float | None) -> float:
-        bench = make_bench()
-        bench.world.surface.set_wheel(0, friction)
-        bench.servo()
-        worst = 0.0
-
-        def look() -> None:
-            nonlocal worst
-            worst = max(worst, abs(float(bench.world.wheel_slip_mps()[0, 0])))
-
-        bench.command(0.1)  # opens the brakes
-        bench.run(0.1)
-        start, n = 0.1, 0
-
-        def accelerate() -> None:
-            nonlocal n
-            n += 1
-            bench.command(start + n * 0.001 * 1.0 / ROBOT.wheel_radius_m)
-            look()
-
-        bench.run(0.3, accelerate)
-        return worst
-
-    assert worst_slip(None) < 0.01
-    assert worst_slip(0.02) > 0.02
-
-
-def test_ice_lengthens_the_stop() -> None:
-    def distance(friction: float | None) -> float:
-        bench = make_bench()
-        if friction is not None:
-            bench.world.surface.add_area("ice", Area(5.0, 0.0, 0.0, 20.0, 5.0, friction))
-        bench.servo()
-        bench.drive(Twist2(1.0, 0.0, 0.0), 0.2)
-        start = bench.world.truth().position_m[0]
-        bench.command(0.0)
-        bench.run(2.5)
-        return bench.world.truth().position_m[0] - start
-
-    # v^2 / (2 mu g) = 1.02 m on ice; at most 25 Nm per wheel on dry ground.
-    assert distance(0.05) > 0.7
-    assert distance(None) < 0.3
-
-
-def test_friction_is_that_of_the_place_again_once_an_area_goes() -> None:
     bench = make_bench()
-    bench.world.surface.add_area("ice", Area(0.0, 0.0, 0.0, 5.0, 5.0, 0.1))
-    bench.run(0.01)
-    geom = bench.world.model.geom("fl_wheel")
-    assert geom.friction[0] == pytest.approx(0.1)
-    bench.world.surface.remove_area("ice")
-    bench.run(0.01)
-    assert geom.friction[0] == pytest.approx(0.8)
+    bench.world.surface.set_wheel(0, friction)
+    bench.servo()
+    bench.command(0.1)  # opens the brakes
+    bench.run(0.1)
+    slips, n = [0.0], 0
+
+    def accelerate() -> None:
+        nonlocal n
+        n += 1
+        bench.command(0.1 + n * 0.001 / ROBOT.wheel_radius_m)
+        slips.append(abs(float(bench.world.wheel_slip_mps()[0, 0])))
+
+    bench.run(0.3, accelerate)
+    assert least_mps <= max(slips) <= most_mps
+
+
+# v^2 / (2 mu g) = 1.02 m on ice; at most 25 Nm per wheel on dry ground.
+@pytest.mark.parametrize(("friction", "stop_m"), [(0.05, (0.7, 2.0)), (None, (0.0, 0.3))])
+def test_ice_lengthens_the_stop(friction: float | None, stop_m: tuple[float, float]) -> None:
+    bench = make_bench()
+    if friction is not None:
+        bench.world.surface.add_area("ice", Area(5.0, 0.0, 0.0, 20.0, 5.0, friction))
+    bench.servo()
+    bench.drive(Twist2(1.0, 0.0, 0.0), 0.2)
+    start = bench.world.truth().position_m[0]
+    bench.command(0.0)
+    bench.run(2.5)
+    assert stop_m[0] < bench.world.truth().position_m[0] - start < stop_m[1]
+    if friction is not None:
+        bench.world.surface.remove_area("ice")
+        bench.run(0.01)
+        assert bench.world.model.geom("fl_wheel").friction[0] == pytest.approx(0.8)
 
 
 def test_a_wall_stops_the_robot() -> None:
@@ -285,12 +231,8 @@ def test_the_same_seed_gives_the_same_bits_and_another_seed_another_machine() ->
     assert seen_a.tobytes() == seen_b.tobytes()
     assert not np.array_equal(state_a, state_c)
     assert not np.array_equal(seen_a, seen_c)
-
-
-def test_tolerances_come_from_the_seed_and_are_small() -> None:
     first, again, other = (make_bench(seed=seed).world.tolerances for seed in (1, 1, 2))
-    assert first == again
-    assert first != other
+    assert first == again != other
     for radius in first.wheel_radii_m:
         assert radius == pytest.approx(ROBOT.wheel_radius_m, rel=5 * PARAMS.wheel.radius_tolerance)
 

@@ -31,12 +31,6 @@ def test_the_robot_is_in_its_picture(tmp_path: Path) -> None:
     assert 20 < np.count_nonzero(stripe) < 2000, "the orange stripe of its front"
 
 
-def test_a_route_that_does_not_exist_is_named(tmp_path: Path) -> None:
-    done = picture("--output", str(tmp_path / "x.png"), "--after", "0.1", "--route", "moon")
-    assert done.returncode == 2
-    assert "no route 'moon'; there are tour, lap" in done.stderr
-
-
 @pytest.mark.parametrize("module", ["sim.pictures.picture", "sim.arm.picture"])
 def test_importing_it_requests_no_egl(module: str) -> None:
     """Set-up imports every module, also on a machine without EGL, on which mujoco could then not be imported."""

@@ -31,9 +31,6 @@ def test_a_pose_faces_along_the_line_and_beyond_its_end_is_its_end(along_m: floa
 )
 def test_the_nearest_place_counts(place: tuple[float, float], distance_m: float) -> None:
     assert CORNER.distance_m(*place) == pytest.approx(distance_m)
-
-
-def test_a_single_point_is_a_line_too() -> None:
     point = Polyline([(1.0, 2.0)])
     assert (point.length_m, point.pose_at(3.0)) == (0, Pose2(1.0, 2.0, 0.0))
     assert point.distance_m(4.0, 6.0) == pytest.approx(5.0)

@@ -35,15 +35,12 @@ def along_x(*points: tuple[float, float, float]) -> list[Sample]:
 
 @pytest.mark.parametrize(
     ("point", "distance"),
-    [((2.0, 0.5), 0.5), ((-3.0, 4.0), 5.0), ((4.0, 1.0), 0.0), ((5.0, 1.0), 1.0), ((4.0, 5.0), 2.0), ((3.0, 2.0), 1.0)],
+    [((2.0, 0.5), 0.5), ((-3.0, 4.0), 5.0), ((4.0, 1.0), 0.0), ((4.0, 5.0), 2.0), ((3.0, 2.0), 1.0)],
 )
 def test_distance_to_a_line(point: tuple[float, float], distance: float) -> None:
     assert distance_to_line_m(np.array(point), LINE) == pytest.approx(distance)
-
-
-def test_distance_to_a_line_with_a_repeated_point() -> None:
-    line = np.array([[1.0, 1.0], [1.0, 1.0], [2.0, 1.0]])
-    assert distance_to_line_m(np.array([1.5, 3.0]), line) == pytest.approx(2.0)
+    repeated = np.array([[1.0, 1.0], [1.0, 1.0], [2.0, 1.0]])
+    assert distance_to_line_m(np.array([1.5, 3.0]), repeated) == pytest.approx(2.0)
 
 
 def test_a_belief_is_compared_with_the_truth_of_its_own_time() -> None:
@@ -55,28 +52,17 @@ def test_a_belief_is_compared_with_the_truth_of_its_own_time() -> None:
     assert errors[0] == pytest.approx([0.5, 0.1, 0.2])
 
 
-def test_distance_is_the_length_of_the_way() -> None:
-    assert distance_m(along_x((0, 0, 0), (1, 3, 4), (2, 3, 5))) == pytest.approx(6.0)
-    assert distance_m([]) == 0.0
-
-
 def test_errors_are_against_the_plan_in_force() -> None:
     north = np.array([[0.0, 2.0], [10.0, 2.0]])
     ride = Ride(along_x((0.0, 0, 0.1), (1.0, 1, 0.2), (5.0, 5, 2.3), (6.0, 6, 2.4)), [], [(0.5, LINE), (5.0, north)])
     errors = tracking_errors_m(ride)
     assert errors[:, 0].tolist() == [1.0, 5.0, 6.0]  # the first sample had no plan yet
     assert errors[:, 1] == pytest.approx([0.2, 0.3, 0.4])
-
-
-def test_old_plan_counts_until_the_new_one_is_reached() -> None:
     ahead = np.array([[1.0, 0.0], [9.0, 0.0]])
     ride = Ride(along_x((1.0, 0.5, 0.0), (1.6, 0.9, 0.0)), [], [(0.0, LINE), (1.0, ahead)])
-    assert tracking_errors_m(ride)[:, 1] == pytest.approx([0.0, 0.1])
-
-
-def test_cancelled_plan_is_nothing_to_track() -> None:
-    ride = Ride(along_x((1.0, 0, 0)), [], [(0.0, LINE), (0.5, np.empty((0, 2)))])
-    assert tracking_errors_m(ride).shape == (0, 2)
+    assert tracking_errors_m(ride)[:, 1] == pytest.approx([0.0, 0.1]), "the old one until the new one is reached"
+    cancelled = Ride(along_x((1.0, 0, 0)), [], [(0.0, LINE), (0.5, np.empty((0, 2)))])
+    assert tracking_errors_m(cancelled).shape == (0, 2)
 
 
 def test_figures() -> None:
@@ -89,15 +75,10 @@ def test_figures() -> None:
     assert found.final_error_deg == pytest.approx(1.0)
     assert found.tracking_rms_m == pytest.approx(math.sqrt((0.09 + 0.16) / 3.0))
     assert found.tracking_max_m == pytest.approx(0.4)
-
-
-def test_ride_without_a_plan_has_no_tracking_error() -> None:
-    assert math.isnan(figures(Ride(along_x((0, 0, 0))), Pose2(0.0, 0.0, 0.0)).tracking_rms_m)
-
-
-def test_ride_without_samples_is_refused() -> None:
+    assert math.isnan(figures(Ride(along_x((0, 0, 0))), Pose2(0.0, 0.0, 0.0)).tracking_rms_m), "without a plan"
     with pytest.raises(ValueError, match="recorded no data"):
         figures(Ride(), Pose2(0.0, 0.0, 0.0))
+    assert distance_m([]) == 0.0
 
 
 def test_plots_are_drawn(tmp_path: Path) -> None:
@@ -126,9 +107,6 @@ def test_carriage_reports_docking_offset_and_transport_of_wheelchair() -> None:
     assert math.isnan(never.docked_mm)
 
 
-# --- stops -----------------------------------------------------------------------------------------------------------
-
-
 def driven(*speeds: tuple[float, float]) -> list[Sample]:
     """Samples from (time s, speed m/s) along x, 1 m apart."""
     return [Sample(time_s, Pose2(float(x), 0.0, 0.0), speed) for x, (time_s, speed) in enumerate(speeds)]
@@ -137,18 +115,8 @@ def driven(*speeds: tuple[float, float]) -> list[Sample]:
 def test_where_it_stood_and_why() -> None:
     ride = Ride(
         driven(
-            (0, 0.5),
-            (1, 0.0),
-            (2, 0.0),
-            (4, 0.0),
-            (5, 0.5),
-            (6, 0.0),
-            (7, 0.5),
-            (8, 0),
-            (12, 0),
-            (13, 1),
-            (14, 0),
-            (20, 0),
+            *((0, 0.5), (1, 0.0), (2, 0.0), (4, 0.0), (5, 0.5), (6, 0.0), (7, 0.5)),
+            *((8, 0), (12, 0), (13, 1), (14, 0), (20, 0)),
         ),
         steps=[
             Step(0.0, "RUNNING", "gate"),

@@ -51,12 +51,7 @@ def test_every_world_builds_and_the_robot_stands_in_it(name: str) -> None:
     world = World(ROBOT, PARAMS, Setup(file, 1, file.start.pose()))
     for _ in range(300):
         world.step()
-    assert (
-        math.hypot(
-            *(a - b for a, b in zip(world.truth().position_m[:2], (file.start.x_m, file.start.y_m), strict=True))
-        )
-        < 1e-3
-    )
+    assert world.truth().pose().distance_to(file.start.pose()) < 1e-3
     assert world.normal_forces_n().sum() == pytest.approx(ROBOT.mass_kg * 9.81, rel=0.02)
 
 
@@ -75,21 +70,8 @@ def test_a_ramp_rises_at_its_slope_to_its_flat_top(name: str, ramp: Ramp) -> Non
         assert along(2 * run + ramp.top_length_m - part * run) == pytest.approx(part * ramp.height_m, abs=1e-4)
     assert along(run + 0.5 * ramp.top_length_m, 0.45 * ramp.width_m) == pytest.approx(ramp.height_m, abs=1e-6)
     assert along(2 * run + ramp.top_length_m + 0.1) == pytest.approx(0.0, abs=1e-6)
-
-
-def test_ramps_of_5_and_10_degrees_and_kerbs_of_5_to_12_cm_exist() -> None:
-    file = load_world("ramps")
-    assert {ramp.slope_deg for ramp in file.ramps} == {5.0, 10.0}
-    heights = sorted(kerb.height_m for kerb in file.kerbs)
-    assert (heights[0], heights[-1]) == (0.05, 0.12)
-    world = make_world("ramps")
-    for kerb in file.kerbs:
+    for kerb in load_world(name).kerbs:
         assert height_at(world, kerb.x_m, kerb.y_m) == pytest.approx(kerb.height_m, abs=1e-6)
-
-
-def test_the_yard_is_40_by_30_m() -> None:
-    floor = load_world("yard").floor
-    assert (floor.max_x_m - floor.min_x_m, floor.max_y_m - floor.min_y_m) == (40.0, 30.0)
 
 
 @pytest.mark.parametrize("name", [name for name in WORLDS if load_world(name).routes])
@@ -139,29 +121,14 @@ def test_the_site_ride_follows_its_route_of_150_m() -> None:
         assert min(off) < 0.6, f"{waypoint['name']} is {min(off):.2f} m off the route"
 
 
-def test_an_unknown_world_names_those_there_are() -> None:
-    with pytest.raises(ConfigError, match=r"no world 'moon'.*flat.*yard"):
-        load_world("moon")
-
-
 @pytest.mark.parametrize(
     ("change", "field"),
     [
         ({"friction": 0.0}, "friction"),
-        ({"friction": float("nan")}, "friction"),
         ({"floor": {"min_x_m": 1, "max_x_m": -1, "min_y_m": -1, "max_y_m": 1}}, "max_x_m"),
-        ({"trees": []}, "trees"),
         (
             {"walls": [{"name": "w", "x_m": 0, "y_m": 0, "length_m": -1, "width_m": 1, "height_m": 1}]},
             "walls.0.length_m",
-        ),
-        (
-            {
-                "ramps": [
-                    {"name": "r", "x_m": 0, "y_m": 0, "slope_deg": 60, "height_m": 1, "width_m": 1, "top_length_m": 1}
-                ]
-            },
-            "ramps.0.slope_deg",
         ),
         ({"routes": {"a": {"half_width_m": 1, "points_m": [[0, 0]]}}}, "routes.a.points_m"),
         (
@@ -171,6 +138,8 @@ def test_an_unknown_world_names_those_there_are() -> None:
     ],
 )
 def test_a_wrong_world_file_is_refused_with_the_field(change: dict[str, Any], field: str) -> None:
+    with pytest.raises(ConfigError, match=r"no world 'moon'.*flat.*yard"):
+        load_world("moon")
     with pytest.raises(ConfigError, match=field):
         validate(WorldFile, {**MINIMAL, **change}, "test.yaml")
 

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from robot_stack.core.config import load
-from robot_stack.wmx.api import EngineState, Motion_PosCommand
+from robot_stack.wmx.api import Motion_PosCommand
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import EngineConfig
 from robot_stack.wmx.engine_server.engine import Engine
 from robot_stack.wmx.simulated.library import library_of
 from sim.arm.world import ArmWorld
-from sim.plant.drive_loops import ALARM_BUS
 from sim.plant.local_engine import LocalDevice, snapshot_of
 from tests.unit.sim.arm.rig import DT_S, STRETCHED, arm_params
 
@@ -67,7 +66,11 @@ def machine() -> EngineWithArm:
 
 
 def test_positions_are_the_joints_angles(machine: EngineWithArm) -> None:
+    """Gravity shows in the torque: 36.1 Nm of 56 Nm rated, plus or minus friction, in the joint's direction."""
     np.testing.assert_allclose(machine.status.actual_pos, STRETCHED, atol=1e-3)
+    torque = machine.status.actual_torque[1]
+    assert torque == pytest.approx(-100.0 * 36.1 / 56.0, abs=100.0 * 3.0 / 56.0)
+    assert machine.io.SetOutBit(0, 0, 1) == 0
     machine.start(1, 1.0, 1.0)
     machine.start(4, 0.5, 1.0)
     machine.run(1.2)
@@ -76,12 +79,7 @@ def test_positions_are_the_joints_angles(machine: EngineWithArm) -> None:
     truth = machine.arm.truth().positions[:6]
     np.testing.assert_allclose(status.actual_pos, truth, atol=1e-4)
     assert truth[[1, 4]] == pytest.approx([1.0, 0.5], abs=1e-3)
-
-
-def test_gravity_shows_in_the_torque_of_the_axis(machine: EngineWithArm) -> None:
-    """36.1 Nm of 56 Nm rated, plus or minus friction; the axis has the joint's direction again."""
-    torque = machine.status.actual_torque[1]
-    assert torque == pytest.approx(-100.0 * 36.1 / 56.0, abs=100.0 * 3.0 / 56.0)
+    assert machine.arm.truth().positions[6:] == pytest.approx([0.045, 0.045], abs=1e-3), "the gripper has closed"
 
 
 def test_an_alarm_in_motion_stops_its_axis(machine: EngineWithArm) -> None:
@@ -96,35 +94,3 @@ def test_an_alarm_in_motion_stops_its_axis(machine: EngineWithArm) -> None:
     machine.arm.bus.set_alarm(0, 0)
     machine.communicate()
     assert not machine.status.amp_alarm.any()
-
-
-def test_a_bus_that_drops_in_motion_is_a_standstill_on_brakes_and_can_be_started_again(machine: EngineWithArm) -> None:
-    machine.start(1, 0.0, 1.5)
-    machine.run(0.5)
-    assert abs(machine.arm.truth().speeds[1]) > 1.0
-    machine.arm.bus.set_bus(False)
-    machine.run(0.5)
-    assert machine.status.engine_state == EngineState.Running
-    assert np.abs(machine.arm.truth().speeds).max() < 0.02
-    assert machine.arm.bus.brakes_closed.all()
-    stood = machine.arm.truth().positions
-    machine.arm.bus.set_bus(True)
-    machine.api.StartCommunication()
-    machine.run(0.1)
-    assert (machine.arm.bus.alarm_codes == ALARM_BUS).all()
-    machine.communicate()
-    np.testing.assert_allclose(machine.arm.truth().positions, stood, atol=1e-3)
-
-
-def test_stopping_communication_leaves_the_arm_on_its_brakes(machine: EngineWithArm) -> None:
-    before = machine.arm.truth().positions
-    assert machine.api.StopCommunication() == 0
-    machine.run(1.0)
-    assert machine.arm.bus.brakes_closed.all()
-    np.testing.assert_allclose(machine.arm.truth().positions, before, atol=1e-3)
-
-
-def test_the_output_bit_closes_the_gripper(machine: EngineWithArm) -> None:
-    assert machine.io.SetOutBit(0, 0, 1) == 0
-    machine.run(0.6)
-    assert machine.arm.truth().positions[6:] == pytest.approx([0.045, 0.045], abs=1e-3)

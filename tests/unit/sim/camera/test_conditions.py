@@ -70,7 +70,7 @@ def test_the_same_seed_draws_the_same_pictures() -> None:
 
 def test_noise_is_read_noise_and_shot_noise() -> None:
     view = renderer(CAMERA, PARAMS)
-    pictures = np.stack([view.render(SCENE)[340:380, 620:660].astype(float) for _ in range(40)])
+    pictures = np.stack([view.render(SCENE)[340:380, 620:660].astype(float) for _ in range(20)])
     sensor, level = PARAMS.sensor, PARAMS.board.panel * PARAMS.sensor.white_dn
     sigma = np.sqrt(sensor.read_noise_dn**2 + level * 255.0 / sensor.full_well_e + 1.0 / 12.0)
     assert pictures.std(axis=0).mean() == pytest.approx(sigma, rel=0.05)
@@ -118,15 +118,12 @@ def test_a_shadow_takes_its_share_beyond_its_edge(plain: Renderer, clear: NDArra
     hard = picture[360].astype(float)
     step = np.flatnonzero(np.abs(np.diff(hard)) > 20.0)
     assert np.abs(step - column).min() < 1.5
+    sloping = plain.render(SCENE, Conditions(gradient_per_m=(0.5, 0.0)))
+    left, right = project_on(CAMERA, np.array([[0.0, 0.05, 0.45], [0.0, -0.05, 0.45]]), BOARD, BASE)[:, 0]
+    ratio = float(sloping[360, round(right)]) / float(sloping[360, round(left)])
+    assert ratio == pytest.approx(1.025 / 0.975, abs=0.02), "light can fall off along the board"
     soft = plain.render(SCENE, Conditions(shadow=replace(edge, softness_m=0.1)))[360].astype(float)
     assert np.abs(np.diff(soft[560:740])).max() < 5.0
-
-
-def test_light_can_fall_off_along_the_board(plain: Renderer) -> None:
-    picture = plain.render(SCENE, Conditions(gradient_per_m=(0.5, 0.0)))
-    left, right = project_on(CAMERA, np.array([[0.0, 0.05, 0.45], [0.0, -0.05, 0.45]]), BOARD, BASE)[:, 0]
-    ratio = float(picture[360, round(right)]) / float(picture[360, round(left)])
-    assert ratio == pytest.approx(1.025 / 0.975, abs=0.02)
 
 
 def test_glare_saturates_its_place_and_veils_the_rest(plain: Renderer, clear: NDArray[np.uint8]) -> None:
@@ -137,25 +134,19 @@ def test_glare_saturates_its_place_and_veils_the_rest(plain: Renderer, clear: ND
     assert far.max() < 80.0
 
 
-def test_rain_changes_places_and_leaves_the_rest(plain: Renderer, clear: NDArray[np.uint8]) -> None:
+def test_rain_dirt_and_covers_change_their_places_alone(plain: Renderer, clear: NDArray[np.uint8]) -> None:
     picture = plain.render(SCENE, Conditions(rain=0.7))
     changed = (np.abs(picture.astype(int) - clear) > 5).mean()
     assert 0.005 < changed < 0.15
     assert (picture == clear).mean() > 0.7
-
-
-def test_dirt_covers_about_its_share_of_one_marker(plain: Renderer, clear: NDArray[np.uint8]) -> None:
+    covered = plain.render(SCENE, Conditions(covered=frozenset([1])))
+    assert ids(covered) == {0, 2, 3}
+    assert np.unique(marker_patch(covered, 1)[3:-3, 3:-3]).tolist() == [round(PARAMS.board.cover * 230.0)]
     picture = plain.render(SCENE, Conditions(dirt={2: 0.3}))
     changed = np.abs(picture.astype(int) - clear) > 10
     assert 0.15 < marker_patch(changed, 2).mean() < 0.45
     for other in (0, 1, 3):
         assert not marker_patch(changed, other).any()
-
-
-def test_a_covered_marker_is_gone(plain: Renderer) -> None:
-    picture = plain.render(SCENE, Conditions(covered=frozenset([1])))
-    assert ids(picture) == {0, 2, 3}
-    assert np.unique(marker_patch(picture, 1)[3:-3, 3:-3]).tolist() == [round(PARAMS.board.cover * 230.0)]
 
 
 def test_wall_in_front_of_board_hides_markers() -> None:
@@ -206,9 +197,6 @@ def test_camera_faults_become_conditions_and_end() -> None:
         (("rain", "top", 0.0, 0.0), "target must be one of 'front', 'rear'"),
         (("dirt", "9", 0.0, 0.0), "target must be one of '0', '1', '2', '3'"),
         (("rain", "front", 3.0, 0.0), r"must be in 0.01..1, is 3.0"),
-        (("rain", "front", float("nan"), 0.0), "is nan"),
-        (("silent", "front", 0.0, -1.0), "duration_s must be 0 or more"),
-        (("clear", "fog", 0.0, 0.0), "no fault 'fog'"),
     ],
 )
 def test_camera_faults_that_make_no_sense_are_refused(request_: tuple[str, str, float, float], message: str) -> None:

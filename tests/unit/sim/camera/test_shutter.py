@@ -76,22 +76,8 @@ def test_a_yawing_camera_shears_the_board() -> None:
     assert fitted == pytest.approx(rate * row_s * per_rad, rel=0.01)
 
 
-def test_a_row_shows_the_board_where_it_was_when_the_row_was_exposed() -> None:
-    rate, row_s = 0.6, 15e-6
-    base = place(-1.0, 0.05, 0.1)
-    view = renderer(CAMERA, sharp(exposure_s=1e-6, row_time_s=row_s))
-    picture = view.render(Motion(0.0, turning(base, rate), {"chair_1": still(BOARD)}))
-    for row in (130, 190, 250):
-        then = base @ place(0.0, 0.0, rate * (row - 359.5) * row_s)
-        curve = project_on(CAMERA, marker_sides(0)[3], BOARD, then)
-        order = np.argsort(curve[:, 1])
-        wanted = float(np.interp(row, curve[order, 1], curve[order, 0]))
-        assert edge_in_line(picture[row].astype(float), round(wanted)) == pytest.approx(wanted, abs=0.03)
-
-
-@pytest.mark.parametrize("speed_mps", [0.3, 1.0])
-def test_motion_blur_is_as_long_as_the_way_during_the_exposure(speed_mps: float) -> None:
-    exposure = 0.004
+def test_motion_blur_is_as_long_as_the_way_during_the_exposure_around_its_middle() -> None:
+    exposure, speed_mps = 0.004, 1.0
     base = place(-0.95, 0.0)
     view = renderer(CAMERA, sharp(exposure_s=exposure, row_time_s=0.0))
     picture = view.render(Motion(0.0, sliding(base, speed_mps), {"chair_1": still(BOARD)}))
@@ -105,11 +91,6 @@ def test_motion_blur_is_as_long_as_the_way_during_the_exposure(speed_mps: float)
     length = CAMERA.intrinsics.fx / 0.6 * speed_mps * exposure
     # The pixel, the difference of pixels and the motion are boxes: variances 1/12, 1/12 and length^2 / 12.
     assert math.sqrt(max(0.0, 12.0 * variance - 2.0)) == pytest.approx(length, rel=0.03)
-
-
-def test_motion_blur_leaves_the_edge_at_the_middle_of_the_exposure() -> None:
-    base = place(-0.95, 0.0)
-    view = renderer(CAMERA, sharp(exposure_s=0.004, row_time_s=0.0))
     calm = view.render(Motion.still(base, {"chair_1": BOARD}))
     moved = view.render(Motion(0.0, sliding(base, 0.5), {"chair_1": still(BOARD)}))
     rows = range(180, 260)

@@ -27,6 +27,7 @@ def computer(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[SimCom
     simulated = SimComputer(PARAMS, tmp_path / "computer", tmp_path)
     yield simulated
     simulated.close()
+    assert not (tmp_path / "computer").exists(), "it leaves nothing behind"
 
 
 @pytest.fixture
@@ -48,6 +49,9 @@ def test_computer_reports_configured_and_injected_values(computer: SimComputer, 
         return reader.memory_percent(), next(iter(reader.zones().values()))
 
     assert shown() == pytest.approx((40.0, 50.0), abs=0.1)
+    assert set(BY_NAME) == {"overheat", "cpu_high", "memory_high", "disk_full", "screen_lost"}
+    with pytest.raises(FaultRefused, match=r"0\.\.100"):
+        faults.inject("cpu_high", value=101.0)
     faults.inject("overheat")
     faults.inject("memory_high", value=98.0)
     assert shown() == pytest.approx((98.0, 90.0), abs=0.1)
@@ -113,16 +117,3 @@ def test_a_screen_can_be_lost_only_where_one_is_served(computer: SimComputer) ->
     assert not computer.screen.shown
     faults.inject(CLEAR)
     assert computer.screen.shown
-
-
-def test_computer_fault_table_and_value_range(computer: SimComputer) -> None:
-    assert set(BY_NAME) == {"overheat", "cpu_high", "memory_high", "disk_full", "screen_lost"}
-    with pytest.raises(FaultRefused, match=r"0\.\.100"):
-        ComputerFaults(computer).inject("cpu_high", value=101.0)
-
-
-def test_it_leaves_nothing_behind(tmp_path: Path) -> None:
-    folder = tmp_path / "computer"
-    simulated = SimComputer(PARAMS, folder, tmp_path)
-    simulated.close()
-    assert not folder.exists()

@@ -48,24 +48,22 @@ class Story:
         return self.firmware.display(self.now_s)
 
 
-def test_commands_before_ready_are_ignored():
-    story = Story()
-    assert story.tell("STATE 2") == []
-    assert story.ready().shown.state == 0
-
-
 def test_it_answers_with_an_echo_within_the_time_of_the_contract():
-    story = Story().ready()
+    story = Story()
+    assert story.tell("STATE 2") == [], "not ready"
+    story.ready()
     assert story.tell("LANG zh", "VOL 3", "STATE 25", "PING") == ["OK LANG zh", "OK VOL 3", "OK STATE 25", "OK PING"]
     assert (story.shown.state, story.shown.language, story.shown.volume) == (25, "zh", 3)
-
-
-def test_repeated_state_does_not_restart_animation():
-    story = Story().ready()
-    story.tell("STATE 2")
     since_s = story.shown.since_s
-    story.tell("STATE 2", "LANG ja")
-    assert story.shown.since_s == since_s
+    story.tell("STATE 25", "LANG ja")
+    assert story.shown.since_s == since_s, "the animation is not restarted"
+    story.firmware.troubles.late_s = 0.5
+    assert story.tell("PING") == []
+    assert story.wait(0.5) == ["OK PING"]
+    story.firmware.troubles.late_s = 0.0
+    story.firmware.power_on(story.now_s)
+    assert story.shown.state == 0, "forgotten with the power"
+    story.ready()
 
 
 def test_unknown_command_and_bad_checksum_are_answered_with_error():
@@ -92,14 +90,6 @@ def test_a_host_that_falls_silent_leaves_no_promise():
     assert story.shown.state == 0
 
 
-def test_power_lost_is_everything_forgotten():
-    story = Story().ready()
-    story.tell("STATE 2")
-    story.firmware.power_on(story.now_s)
-    assert story.shown.state == 0
-    story.ready()
-
-
 def test_fault_is_repeated_and_end_of_fault_is_sent_three_times():
     story = Story().ready()
     story.firmware.set_fault("HOT", story.now_s)
@@ -118,13 +108,6 @@ def test_troubles_give_no_answer_that_counts(trouble):
     setattr(story.firmware.troubles, trouble, False)
     story.tell("PING")
     assert "OK PING" in story.tell("PING", "PING")
-
-
-def test_late_answers():
-    story = Story().ready()
-    story.firmware.troubles.late_s = 0.5
-    assert story.tell("PING") == []
-    assert story.wait(0.5) == ["OK PING"]
 
 
 def test_noise_changes_about_its_share_of_the_bytes():

@@ -37,7 +37,7 @@ def test_ranges_are_those_of_the_physics(name: str) -> None:
     random = np.random.default_rng(1)
     times = np.arange(1 - COLUMNS, 1) * sensor.column_s
     met: set[int] = set()
-    for _ in range(5):
+    for _ in range(3):
         tilt = random.uniform(-0.15, 0.15, 2)
         base = pose(*random.uniform((1.0, -1.5), (9.0, 2.5)), random.uniform(-3, 3), *tilt, random.uniform(0.0, 0.3))
         track = moving(base, Twist2(1.0, 0.5, 1.0), 0.1)
@@ -78,8 +78,8 @@ def _xyz(points: np.ndarray) -> np.ndarray:
     return np.c_[points["x"], points["y"], points["z"]].astype(float)
 
 
-@pytest.mark.parametrize("height_m", [0.05, 0.08, 0.12])
-def test_a_kerb_returns_from_its_face_and_its_top(height_m: float) -> None:
+def test_a_kerb_returns_from_its_face_and_its_top() -> None:
+    height_m = 0.08
     kerb = {"name": "kerb", "x_m": 3.0, "y_m": 0.0, "length_m": 0.3, "width_m": 3.0, "height_m": height_m}
     points, found = sweep_at(world(kerbs=[kerb]), np.eye(4), params=exact())
     mine = points[found == labels.KERB]

@@ -42,8 +42,8 @@ def test_the_full_size_is_150_000_beams() -> None:
         load_lidar_params().with_columns(361)
 
 
-@pytest.mark.parametrize("factor", [1.0, 5.0])
-def test_range_noise_is_normal_with_2_cm(factor: float) -> None:
+def test_range_noise_is_normal_with_2_cm_times_a_factor() -> None:
+    factor = 5.0
     error = misses(wall_points({"mixed_share": 0.0, "lost_share": 0.0}, Conditions(noise_factor=factor)))
     count = len(error)
     assert count > 1500
@@ -51,12 +51,11 @@ def test_range_noise_is_normal_with_2_cm(factor: float) -> None:
     assert abs(error.mean()) < 4.0 * sigma / math.sqrt(count)
     assert error.std() == pytest.approx(sigma, rel=0.1)
     assert 0.29 < np.mean(np.abs(error) > sigma) < 0.345, "31.7 % of a normal distribution lie outside one sigma"
-
-
-def test_a_seed_is_a_sensor() -> None:
     first, again, other = (sweep_at(world(walls=[WALL]), np.eye(4), seed=seed)[0] for seed in (4, 4, 5))
-    assert np.array_equal(first, again)
+    assert np.array_equal(first, again), "a seed is a sensor"
     assert len(first) != len(other) or not np.array_equal(first, other)
+    with pytest.raises(ValueError, match="finite"):
+        still(np.full((4, 4), np.nan))
 
 
 def test_far_dark_and_flat_surfaces_are_lost() -> None:
@@ -154,23 +153,18 @@ def test_beams_are_in_firing_order_and_half_sweeps_join_to_full_sweep() -> None:
 
 def test_the_true_mounting_is_close_to_the_nominal_one_and_of_the_seed() -> None:
     params = load_lidar_params().with_columns(8)
-    mountings = [lidar(world(), params, seed).mounting for seed in range(30)]
+    mountings = [lidar(world(), params, seed).mounting for seed in range(10)]
     for mounting in mountings:
         assert 0.0 < np.linalg.norm(mounting[:3, 3] - ROBOT.lidar_xyz_m) <= 0.003
         assert 0.0 < math.acos(min(1.0, 0.5 * (np.trace(mounting[:3, :3]) - 1.0))) <= 0.000873 + 1e-6
-    assert len({tuple(mounting.ravel()) for mounting in mountings}) == 30
-
-
-def test_not_finite_tracks_are_refused() -> None:
-    with pytest.raises(ValueError, match="finite"):
-        still(np.full((4, 4), np.nan))
+    assert len({tuple(mounting.ravel()) for mounting in mountings}) == 10
 
 
 def test_resting_sensor_caches_static_ranges_and_updates_people() -> None:
     file = world(walls=[WALL], pits=[{"name": "pit", "x_m": 2, "y_m": 1, "length_m": 1, "width_m": 1, "depth_m": 0.3}])
     resting, arriving = (lidar(file, exact(), people=("person_anna",)) for _ in range(2))
     times = np.arange(-179, 1) * resting.column_s
-    for step in range(5):
+    for step in range(3):
         base = still(pose(1e-9 * step, 0.0))
         anna = {"person_anna": still(pose(3.0, 0.5 - 0.2 * step))}
         seen = [result.copy() for result in resting.ranges(base, times, 0, 180, anna)]

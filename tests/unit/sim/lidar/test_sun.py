@@ -9,7 +9,6 @@ import pytest
 
 from sim.camera.motion import still
 from sim.lidar import labels
-from sim.lidar.faults import LidarFaults
 from sim.lidar.sensor import CLEAR, Conditions, Lidar, Sweep
 from sim.lidar.sun import Sun
 
@@ -68,13 +67,3 @@ def test_a_seed_is_a_sun_and_leaves_the_sensor_s_own_noise_alone() -> None:
     shaded.sweep(still(np.eye(4)), 0.0)
     dazzled.sweep(still(np.eye(4)), 0.0, conditions=SUN)
     assert np.array_equal(shaded.sweep(still(np.eye(4)), 0.1).points, dazzled.sweep(still(np.eye(4)), 0.1).points)
-
-
-def test_the_sun_is_a_fault_beside_the_weather() -> None:
-    faults = LidarFaults()
-    assert "a low sun shines in" in faults.inject("sun", "", 0.0, 5.0, 0.0)
-    faults.inject("rain", "", 1.0, 0.0, 0.0)
-    now = faults.conditions(1.0)
-    assert now.sun == Sun(360.0)
-    assert now.weather is not None
-    assert faults.conditions(6.0).sun is None

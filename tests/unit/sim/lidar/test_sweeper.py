@@ -11,8 +11,10 @@ from robot_stack.core.geometry import Pose2
 from sim.lidar import labels
 from sim.lidar.faults import KINDS, LidarFaults
 from sim.lidar.in_world import WorldLidar
-from sim.lidar.sensor import CLEAR
+from sim.lidar.sensor import CLEAR, Conditions
+from sim.lidar.sun import Sun
 from sim.lidar.sweeper import Sweeper
+from sim.lidar.weather import Weather
 from sim.plant.world import Setup, World
 from sim.worldfile import load_world
 
@@ -34,20 +36,11 @@ def test_half_sweeps_end_at_even_spaces_whatever_the_poses_do() -> None:
             ends.append(due)
             assert due[1] <= 5.0 + 0.02 * k + 1e-3, "never before its last column has fired"
             assert 5.0 + 0.02 * k - due[1] < 0.0102
-            assert mine.take(*due).stamp_s == due[1]
+            half = mine.take(*due)
+            assert half.stamp_s == due[1]
+            assert math.copysign(1.0, float(np.median(half.points["y"]))) == (1.0 if due[0] % 2 else -1.0)
     assert [number for number, _ in ends] == list(range(1, 80))
     assert np.allclose([end for _, end in ends], 5.0 + 0.05 * np.arange(1, 80))
-
-
-def test_odd_numbers_are_the_first_half() -> None:
-    mine = sweeper()
-    sides = {}
-    for k in range(12):
-        mine.add(0.02 * k, {"base_link": np.eye(4)})
-        due = mine.due()
-        if due is not None:
-            sides[due[0]] = float(np.median(mine.take(*due).points["y"]))
-    assert [math.copysign(1.0, sides[number]) for number in (1, 2, 3, 4)] == [1.0, -1.0, 1.0, -1.0]
 
 
 def test_sweeper_skips_gap_and_restarts_on_clock_set_back() -> None:
@@ -111,14 +104,20 @@ def test_every_fault_has_bounds_and_ends(kind: object) -> None:
         faults.inject(name, "left", 0.0, 0.0, 10.0)
 
 
-def test_faults_make_conditions() -> None:
+def test_faults_make_conditions_and_weather_replaces_the_weather_before() -> None:
     faults = LidarFaults()
     assert faults.conditions(0.0) == CLEAR
-    faults.inject("noisy", "", 3.0, 0.0, 0.0)
-    faults.inject("covered", "", 0.5, 0.0, 0.0)
-    assert (faults.conditions(1.0).noise_factor, faults.conditions(1.0).covered_share) == (3.0, 0.5)
-    with pytest.raises(match="no fault 'glare'"):
-        faults.inject("glare", "", 0.0, 0.0, 0.0)
+    assert faults.inject("rain", "", 0.0, 0.0, 0.0) == "it rains, mm/h 25"
+    assert faults.conditions(1.0).weather == Weather("rain", 25.0)
+    faults.inject("noisy", "", 3.0, 0.0, 1.0)
+    faults.inject("covered", "", 0.5, 0.0, 1.0)
+    faults.inject("snow", "", 2.0, 5.0, 1.0)
+    assert "a low sun shines in" in faults.inject("sun", "", 0.0, 5.0, 1.0)
+    assert faults.conditions(2.0) == Conditions(3.0, 0.5, Weather("snow", 2.0), Sun(360.0))
+    assert faults.conditions(6.5) == Conditions(3.0, 0.5)
+    for arguments, problem in ((("dust", "", 1.0), "visibility in m"), (("glare", "", 0.0), "no fault 'glare'")):
+        with pytest.raises(match=problem):
+            faults.inject(*arguments, 0.0, 1.0)
     with pytest.raises(match="no fault 'glare'"):
         faults.inject("clear", "glare", 0.0, 0.0, 0.0)
     assert faults.inject("clear", "", 0.0, 0.0, 0.0) == "cleared noisy, covered"

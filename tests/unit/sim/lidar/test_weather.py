@@ -9,7 +9,6 @@ import pytest
 
 from sim.camera.motion import still
 from sim.lidar import labels
-from sim.lidar.faults import LidarFaults
 from sim.lidar.sensor import CLEAR, Conditions, Lidar, Sweep
 from sim.lidar.weather import Weather, particles
 
@@ -89,15 +88,3 @@ def test_surfaces_are_darker_or_lost_and_never_seen_nearer_than_they_are() -> No
     assert rain[1] == pytest.approx(0.8 * clear[1] * math.exp(-2.0 * 2.77e-3 * 21.0), rel=0.08)
     assert 0.9 * clear[0] < rain[0] <= clear[0]
     assert dust[0] < 0.5 * clear[0], "at 20 m, where one sees 15 m"
-
-
-def test_weather_fault_replaces_previous_weather() -> None:
-    faults = LidarFaults()
-    assert faults.inject("rain", "", 0.0, 0.0, 0.0) == "it rains, mm/h 25"
-    assert faults.conditions(1.0).weather == RAIN
-    faults.inject("noisy", "", 3.0, 0.0, 1.0)
-    faults.inject("snow", "", 2.0, 5.0, 1.0)
-    assert faults.conditions(2.0) == Conditions(3.0, 0.0, Weather("snow", 2.0))
-    assert faults.conditions(6.5).weather is None
-    with pytest.raises(match="visibility in m"):
-        faults.inject("dust", "", 1.0, 0.0, 1.0)

@@ -20,70 +20,59 @@ def numbers(*values: float, shift_s: float = 0.0) -> list[Timed]:
     return [Timed(0.1 * index + shift_s, Float32(data=value)) for index, value in enumerate(values)]
 
 
-def test_equal_messages_match() -> None:
+def grid(*last: int) -> list[Timed]:
+    return [Timed(0.0, OccupancyGrid(data=[0] * (100 - len(last)) + list(last)))]
+
+
+def stamped(nanosec: int) -> list[Timed]:
+    message = TwistStamped()
+    message.header.stamp.nanosec = nanosec
+    return [Timed(0.0, message)]
+
+
+NORMAL, DEGRADED = [Timed(0.0, String(data="NORMAL"))], [Timed(0.0, String(data="DEGRADED"))]
+
+
+@pytest.mark.parametrize(
+    ("recorded", "replayed", "tolerance", "equal"),
+    [
+        (numbers(1.0, 2.0), numbers(1.0, 2.0, shift_s=0.05), {}, True),
+        (numbers(1.0, 2.0), numbers(1.0, 2.0, shift_s=0.09), {}, False),
+        (numbers(1.0), numbers(1.09), {"absolute": 0.1}, True),
+        (numbers(1.0), numbers(1.11), {"absolute": 0.1}, False),
+        (numbers(100.0), numbers(100.9), {"relative": 0.01}, True),
+        (numbers(100.0), numbers(101.1), {"relative": 0.01}, False),
+        (NORMAL, DEGRADED, {"absolute": 10.0}, False),  # texts are exact
+        (numbers(*[1.0] * 20), numbers(*[1.0] * 19, 2.0), {"unmatched": 0.05}, True),
+        (numbers(*[1.0] * 20), numbers(*[1.0] * 19, 2.0), {"unmatched": 0.02}, False),
+        (grid(), grid(100, 100), {"elements": 0.02}, True),
+        (grid(), grid(100, 100), {"elements": 0.01}, False),
+        (stamped(0), stamped(50_000_000), {}, True),
+        (stamped(0), stamped(70_000_000), {}, False),
+    ],
+)
+def test_equal_within_the_tolerance(
+    recorded: list[Timed], replayed: list[Timed], tolerance: dict[str, float], equal: bool
+) -> None:
+    assert compare(recorded, replayed, EXACT.model_copy(update=tolerance)).equal is equal
+
+
+def test_equal_messages_match_and_the_first_difference_is_named() -> None:
     found = compare(numbers(1.0, 2.0, math.nan), numbers(1.0, 2.0, math.nan), EXACT)
     assert found.equal
     assert (found.recorded, found.replayed, found.matched) == (3, 3, 6)
-
-
-def test_the_first_difference_is_named_with_its_time_and_field() -> None:
-    found = compare(numbers(1.0, 2.0, 3.0), numbers(1.0, 2.5, 3.5), EXACT)
-    assert not found.equal
-    assert found.first is not None
-    assert (found.first.at_s, found.first.field) == (pytest.approx(0.1), "data")
-    assert (found.first.recorded, found.first.replayed) == ("2", "2.5")
-
-
-def test_a_message_may_come_earlier_or_later_within_the_time() -> None:
-    assert compare(numbers(1.0, 2.0), numbers(1.0, 2.0, shift_s=0.05), EXACT).equal
-    late = compare(numbers(1.0, 2.0), numbers(1.0, 2.0, shift_s=0.09), EXACT)
-    assert not late.equal
-
-
-@pytest.mark.parametrize("swapped", [False, True])
-def test_a_missing_and_a_surplus_message_are_differences(swapped: bool) -> None:
-    sides = numbers(1.0, 2.0, 3.0), numbers(1.0, 2.0)
-    found = compare(*(reversed(sides) if swapped else sides), EXACT)
-    assert not found.equal
-    assert found.first is not None
-    assert "no message" in (found.first.recorded if swapped else found.first.replayed)
-
-
-def test_numbers_may_differ_by_the_tolerance() -> None:
-    absolute, relative = EXACT.model_copy(update={"absolute": 0.1}), EXACT.model_copy(update={"relative": 0.01})
-    assert compare(numbers(1.0), numbers(1.09), absolute).equal
-    assert not compare(numbers(1.0), numbers(1.11), absolute).equal
-    assert compare(numbers(100.0), numbers(100.9), relative).equal
-    assert not compare(numbers(100.0), numbers(101.1), relative).equal
-
-
-def test_texts_are_exact_whatever_the_tolerance() -> None:
-    loose = EXACT.model_copy(update={"absolute": 10.0})
-    found = compare([Timed(0.0, String(data="NORMAL"))], [Timed(0.0, String(data="DEGRADED"))], loose)
-    assert not found.equal
-
-
-def test_a_share_of_the_messages_may_have_no_counterpart() -> None:
-    recorded, replayed = numbers(*[1.0] * 20), numbers(*[1.0] * 19, 2.0)
-    assert compare(recorded, replayed, EXACT.model_copy(update={"unmatched": 0.05})).equal
-    assert not compare(recorded, replayed, EXACT.model_copy(update={"unmatched": 0.02})).equal
-
-
-def test_a_share_of_the_elements_of_an_array_may_differ() -> None:
-    recorded = [Timed(0.0, OccupancyGrid(data=[0] * 100))]
-    replayed = [Timed(0.0, OccupancyGrid(data=[0] * 98 + [100, 100]))]
-    found = compare(recorded, replayed, EXACT)
-    assert found.first is not None
-    assert found.first.field == "data[98]"
-    assert compare(recorded, replayed, EXACT.model_copy(update={"elements": 0.02})).equal
-    assert not compare(recorded, replayed, EXACT.model_copy(update={"elements": 0.01})).equal
-
-
-def test_stamps_may_differ_by_the_time() -> None:
-    recorded, near, far = TwistStamped(), TwistStamped(), TwistStamped()
-    near.header.stamp.nanosec, far.header.stamp.nanosec = 50_000_000, 70_000_000
-    assert compare([Timed(0.0, recorded)], [Timed(0.0, near)], EXACT).equal
-    assert not compare([Timed(0.0, recorded)], [Timed(0.0, far)], EXACT).equal
+    first = compare(numbers(1.0, 2.0, 3.0), numbers(1.0, 2.5, 3.5), EXACT).first
+    assert first is not None
+    assert (first.at_s, first.field, first.recorded, first.replayed) == (pytest.approx(0.1), "data", "2", "2.5")
+    first = compare(grid(), grid(100, 100), EXACT).first
+    assert first is not None
+    assert first.field == "data[98]"
+    first = compare(numbers(1.0, 2.0, 3.0), numbers(1.0, 2.0), EXACT).first
+    assert first is not None
+    assert "no message" in first.replayed
+    first = compare(numbers(1.0, 2.0), numbers(1.0, 2.0, 3.0), EXACT).first
+    assert first is not None
+    assert "no message" in first.recorded
 
 
 def test_repeated_messages_are_counted() -> None:

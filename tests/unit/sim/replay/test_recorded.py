@@ -42,29 +42,29 @@ def write(folder: Path, *beats: Sent) -> Path:
     return folder / f"{folder.name}_0.mcap"
 
 
-def test_a_node_that_starts_in_the_recording_starts_a_second_before_its_first_heartbeat() -> None:
-    life = life_of(NODE, recorded(*(beat((101 + n) * SECOND + 300, n + 1) for n in range(4))))
+LATE_NS = 40_000_000
+STARTS = [beat((101 + n) * SECOND + 300, n + 1) for n in range(4)]
+RAN_BEFORE = [beat((100 + n) * SECOND + 300, 50 + n) for n in range(4)]
+ONE_LATE = [beat((101 + n) * SECOND + (LATE_NS if n == 2 else 0), n + 1) for n in range(5)]
+RESTARTS = [beat(101 * SECOND, 1), beat(102 * SECOND, 2), beat(110 * SECOND, 1, pid=2)]
+
+
+@pytest.mark.parametrize(
+    ("beats", "start_ns", "recorded_start", "end_ns"),
+    [
+        (STARTS, 100 * SECOND + 300, True, None),  # a second before its first heartbeat
+        (RAN_BEFORE, 100 * SECOND + 300, False, None),  # in phase at the begin of the recording
+        (ONE_LATE, 100 * SECOND, True, None),  # the late one does not move the phase
+        (RESTARTS, 100 * SECOND, True, 102 * SECOND),
+    ],
+    ids=["starts", "ran before", "one late", "restarts"],
+)
+def test_life_of_a_node(beats: list[Sent], start_ns: int, recorded_start: bool, end_ns: int | None) -> None:
+    life = life_of(NODE, recorded(*beats))
     assert life is not None
-    assert (life.start_ns, life.recorded_start, life.restarted) == (100 * SECOND + 300, True, False)
-
-
-def test_a_node_that_ran_before_starts_in_phase_at_the_begin_of_the_recording() -> None:
-    life = life_of(NODE, recorded(*(beat((100 + n) * SECOND + 300, 50 + n) for n in range(4))))
-    assert life is not None
-    assert (life.start_ns, life.recorded_start) == (100 * SECOND + 300, False)
-
-
-def test_a_late_heartbeat_does_not_move_the_phase() -> None:
-    late = 40_000_000
-    life = life_of(NODE, recorded(*(beat((101 + n) * SECOND + (late if n == 2 else 0), n + 1) for n in range(5))))
-    assert life is not None
-    assert life.start_ns == 100 * SECOND
-
-
-def test_the_life_of_a_restarted_node_ends_with_its_last_heartbeat() -> None:
-    life = life_of(NODE, recorded(beat(101 * SECOND, 1), beat(102 * SECOND, 2), beat(110 * SECOND, 1, pid=2)))
-    assert life is not None
-    assert (life.end_ns, life.restarted) == (102 * SECOND, True)
+    assert (life.start_ns, life.recorded_start, life.restarted) == (start_ns, recorded_start, end_ns is not None)
+    if end_ns is not None:
+        assert life.end_ns == end_ns
 
 
 def test_what_is_stored_with_a_recording_is_read(tmp_path: Path) -> None:
