@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from typing import Any
 
 from sim.run.scenario import Scenario
-from sim.stack.faults import PlannedFault
 from sim.stack.run import RunOptions, ScheduledRun
 from tests.simulated.shared import shareable
 
@@ -23,12 +22,11 @@ def scenario(start: dict[str, float], **content: Any) -> Scenario:
 
 @shareable
 @contextmanager
-def ride(*faults: PlannedFault, mission: str | None = None, seed: int = 1) -> Iterator[ScheduledRun]:
+def ride(*, mission: str | None = None) -> Iterator[ScheduledRun]:
     """A started run: to a goal straight ahead over open ground, or a mission from the chair's staging pose."""
     content: dict[str, Any] = {"goals": [AHEAD]} if mission is None else {"mission": mission}
     start = OPEN_GROUND if mission is None else STAGING
-    options = RunOptions(light=True, parallel=False, faults=faults)
-    with ScheduledRun(scenario(start, **content), seed, options) as run:
+    with ScheduledRun(scenario(start, **content), 1, RunOptions(light=True, parallel=False, digest=False)) as run:
         run.start()
         yield run
 

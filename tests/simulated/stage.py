@@ -266,11 +266,12 @@ def staged(
     seed: int = 1,
     light: bool = True,
     black_box: bool = False,
+    digest: bool = False,
 ) -> Iterator[Stage]:
     """A robot that is ready to drive.
 
     wrong_by: the estimated start relative to the true one. light: few LiDAR beams, and images only while docking.
-    black_box: see ``StackSetup``.
+    black_box: see ``StackSetup``. digest: see ``RunOptions``.
     """
     believed = () if start is None else pose_settings("ndt_localization.start", start.compose(wrong_by))
     scenario = Scenario(
@@ -282,7 +283,8 @@ def staged(
         settings=["sim_world.people=false", *believed, *settings],
     )
     # Tests run in parallel: each keeps to one core.
-    with ScheduledRun(scenario, seed, RunOptions(light=light, parallel=False, black_box=black_box)) as ride:
+    options = RunOptions(light=light, parallel=False, black_box=black_box, digest=digest)
+    with ScheduledRun(scenario, seed, options) as ride:
         stage = Stage(ride)
         stage.begin_ride()
         yield stage

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pytest
 
-from sim.stack.faults import PlannedFault
 from tests.simulated.faulty_ride import broken, go_on, ride, riding, rows, speed_mps, wait_for_row
 from tests.simulated.shared import shared
 
@@ -45,28 +44,6 @@ def test_a_tilted_robot_is_stopped() -> None:
         _stops(run, 1.0)
 
 
-def test_a_silent_camera_ends_the_docking() -> None:
-    with ride(mission="short_transport") as run:
-        assert run.stack.scheduler.run_for(12.0, lambda: run.notes.docking.state == "SERVOING")
-        run.stack.faults.inject("camera.silent")
-        wait_for_row(run, "CAMERA_TIMEOUT", 1.0)
-        go_on(run, 1.0)
-        assert run.notes.docking.state != "SERVOING"
-        assert speed_mps(run) < 0.02
-        assert broken(run) == []
-
-
-def test_a_disk_that_takes_no_latch_limits_the_speed() -> None:
-    with ride() as run:
-        run.stack.faults.inject("disk_broken", duration_s=3.0)
-        run.emergency_stop(True)
-        wait_for_row(run, "LATCH_NOT_STORED", 1.0)
-        assert run.safety.safety_state == run.safety.EMERGENCY_STOP
-        go_on(run, 4.0)
-        assert "LATCH_NOT_STORED" not in rows(run)  # written by this time
-        assert broken(run) == []
-
-
 @shared(riding)
 @pytest.mark.parametrize(("charge", "row", "most_mps"), [(0.2, "BATTERY_LOW", 2.0), (0.1, "BATTERY_CRITICAL", 0.6)])
 def test_an_empty_battery(charge: float, row: str, most_mps: float) -> None:
@@ -78,22 +55,6 @@ def test_an_empty_battery(charge: float, row: str, most_mps: float) -> None:
         run.start_mission("short_hop")
         go_on(run, 0.5)
         assert not run.mission.last_command_accepted
-        assert broken(run) == []
-
-
-@pytest.mark.parametrize(("kind", "value"), [("lidar.rain", 25.0), ("lidar.snow", 1.0)])
-def test_weather_brings_no_contact_and_no_lost_pose(kind: str, value: float) -> None:
-    with ride(PlannedFault(at_s=0.5, kind=kind, value=value)) as run:
-        go_on(run, 7.0)
-        assert run.notes.moved_m > 0.5
-        assert "LOCALIZATION_LOST" not in rows(run)
-        assert broken(run) == []
-
-
-def test_glare_while_docking_brings_no_contact() -> None:
-    glare = PlannedFault(at_s=2.0, kind="camera.glare", target="front", value=300.0)
-    with ride(glare, mission="short_transport") as run:
-        go_on(run, 10.0)
         assert broken(run) == []
 
 
@@ -120,6 +81,40 @@ def test_two_faults_at_once() -> None:
         assert broken(run) == []
 
 
+@shared(riding)
+def test_a_disk_that_takes_no_latch_limits_the_speed() -> None:
+    with riding() as run:
+        run.stack.faults.inject("disk_broken", duration_s=3.0)
+        run.emergency_stop(True)
+        wait_for_row(run, "LATCH_NOT_STORED", 1.0)
+        assert run.safety.safety_state == run.safety.EMERGENCY_STOP
+        go_on(run, 4.0)
+        assert "LATCH_NOT_STORED" not in rows(run)  # written by this time
+        assert broken(run) == []
+
+
+@shared(riding)
+@pytest.mark.parametrize(("kind", "value"), [("lidar.rain", 25.0), ("lidar.snow", 1.0)])
+def test_weather_brings_no_contact_and_no_lost_pose(kind: str, value: float) -> None:
+    with riding() as run:
+        begun_m = run.notes.moved_m
+        run.stack.faults.inject(kind, value=value)
+        go_on(run, 5.0)
+        assert run.notes.moved_m > begun_m + 0.5
+        assert "LOCALIZATION_LOST" not in rows(run)
+        assert broken(run) == []
+
+
+@shared(ride, mission="short_transport")
+def test_glare_while_docking_brings_no_contact() -> None:
+    with ride(mission="short_transport") as run:
+        assert run.stack.scheduler.run_for(12.0, lambda: run.notes.docking.state == "SERVOING")
+        run.stack.faults.inject("camera.glare", "front", 300.0)
+        go_on(run, 5.0)
+        assert broken(run) == []
+
+
+@shared(ride, mission="short_transport")
 def test_a_mission_waits_after_a_loss_of_power() -> None:
     with ride(mission="short_transport") as run:
         go_on(run, 1.0)

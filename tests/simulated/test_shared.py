@@ -19,14 +19,14 @@ def ride(stage: Stage) -> tuple[float, str]:
     return stage.now_s, stage.ride.digest.hexdigest()
 
 
-@shared.shared(staged)
+@shared.shared(staged, digest=True)
 def test_a_run_that_goes_on_is_as_one_of_its_own() -> None:
-    with staged() as stage:
+    with staged(digest=True) as stage:
         assert stage.now_s > 1.0
         assert stage.ride.digest.messages > 1000, "begun before the test"
         folder, gone_on = stage.stack.folder, ride(stage)
     assert not folder.exists()
-    with staged() as stage:
+    with staged(digest=True) as stage:
         assert stage.stack.folder != folder, "of its own"
         assert ride(stage) == gone_on
 
