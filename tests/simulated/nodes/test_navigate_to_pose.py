@@ -105,13 +105,6 @@ def test_goal_pose_preempts_and_its_empty_frame_ends_a_goal(client: Client) -> N
     client.scene.stopped_s(client.bench.now_s)
 
 
-def test_goal_of_the_action_preempts_one_of_goal_pose(client: Client) -> None:
-    client.scene.go_at(0.5)
-    goal = client.send(GOAL)
-    goal.wait(30.0)
-    assert goal.status is GoalStatus.SUCCEEDED
-
-
 @pytest.mark.parametrize(
     ("pose", "frame_id", "tree", "code", "text"),
     [

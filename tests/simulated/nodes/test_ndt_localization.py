@@ -177,20 +177,6 @@ def test_initialpose_corrects_and_bad_ones_are_refused(scene: Scene) -> None:
         assert scene.poses.last.pose.position.x == pytest.approx(7.0, abs=1e-3)
 
 
-def test_nan_odometry_is_named_and_stops_the_pose(scene: Scene) -> None:
-    def broken() -> Odometry:
-        message = scene.odometry()
-        message.pose.pose.position.x = math.nan
-        return message
-
-    scene.roll()
-    scene.bench.run(1.0)
-    scene.bench.repeat(topics.ODOM, broken, 50.0)
-    scene.qualities.wait(lambda message: message.data == 0.0, "quality 0", 0.5 + 2.0 * PERIOD_S)
-    assert "/odom pose is not finite" in scene.log()
-    assert all(math.isfinite(message.pose.position.x) for message in scene.poses.messages)
-
-
 def test_map_is_published_for_subscribers_that_start_later(bench: Bench, tmp_path: Path) -> None:
     occupancy = np.full((14, 20), UNKNOWN, np.int8)
     occupancy[3, 5:9], occupancy[4:10, 2] = FREE, OCCUPIED

@@ -83,17 +83,6 @@ def test_a_viewer_of_one_topic_causes_one_subscription_that_ends_with_it(scene: 
     assert scene.received() == set()
 
 
-def test_a_second_viewer_after_the_first_is_served(scene: Scene) -> None:
-    first = scene.bench.peer("viewer")
-    first.listen(topics.REMOTE_POINTS)
-    scene.bench.run(2.0)
-    first.process.stop()
-    scene.bench.run(2.0)
-    received = scene.bench.listen(topics.REMOTE_POINTS)
-    scene.bench.run(2.0)
-    assert len(received.items) >= 9
-
-
 def test_rates_are_those_of_the_contract_and_messages_are_new(scene: Scene) -> None:
     received = {row: scene.bench.listen(row) for row in COPIES.values()}
     scene.bench.run(1.0)

@@ -136,19 +136,6 @@ def test_the_node_that_ends_stops(screen: Screen) -> None:
     screen.stands_after(screen.bench.now_s)
 
 
-def test_of_two_operators_the_second_is_refused_the_pad_and_may_stop(screen: Screen) -> None:
-    staff, other = screen.page().log_in(), screen.page().log_in()
-    staff.pad(1.0)
-    screen.bench.run(0.02)
-    for _ in range(10):
-        other.pad(-1.0)
-        staff.hold(PAD_S)
-    assert any(answer["why"] == "answer.pad_busy" for answer in other.answers() if answer["t"] == "answer")
-    assert all(message.twist.linear.x > 0.0 for message in screen.teleop.messages)
-    assert other.ask("stop")["ok"]
-    screen.stops.wait(lambda message: message.data, "the stop", 0.1)
-
-
 def test_heartbeat_only_while_a_page_is_there(screen: Screen) -> None:
     screen.bench.run(3.0)
     assert screen.beats.items == []
