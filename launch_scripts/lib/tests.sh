@@ -20,8 +20,8 @@ all_tests() {
   local failed=()
   # Node tests mostly wait: three files at a time, whichever worker is free takes the next.
   run_tests nodes tests/nodes tests/ui --numprocesses 3 --dist loadfile || failed+=(nodes)
-  # Whole robots and single nodes on the deterministic scheduler. The tests of one shared begin run in one worker.
-  run_tests simulated tests/simulated --numprocesses 2 --dist loadgroup || failed+=(simulated)
+  # Whole robots and single nodes on the deterministic scheduler. Each worker makes the shared begins of its files.
+  run_tests simulated tests/simulated --numprocesses 2 --dist loadfile --no-loadscope-reorder || failed+=(simulated)
   # What only real processes can show, each a whole robot and its world, which need both cores.
   run_tests scenarios tests/scenarios || failed+=(scenarios)
   # What computes, the longest first. The safety kernel's own tests run under coverage in tests/mutation.

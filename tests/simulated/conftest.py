@@ -26,14 +26,6 @@ def bench() -> Iterator[Bench]:
         yield made
 
 
-def pytest_itemcollected(item: pytest.Item) -> None:
-    """Each worker would make a shared begin of its own: ``--dist loadgroup`` sends its tests to one."""
-    marker = item.get_closest_marker("shared")
-    if marker is not None:
-        make, args, kwargs = marker.args
-        item.add_marker(pytest.mark.xdist_group(f"{make.__name__}{args}{kwargs}"))
-
-
 @pytest.hookimpl(tryfirst=True)
 def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
     """A test with a shared begin runs in a fork."""
