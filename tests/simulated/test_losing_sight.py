@@ -37,11 +37,9 @@ def _ride_at_1_mps(stage: Stage) -> None:
 @pytest.mark.parametrize(
     ("lose_sight", "after_s"),
     [
-        (_perception_dies, 0.30),
         (_perception_dies, 0.34),
         (_perception_hangs, 0.32),
         (_lidar_falls_silent, 0.30),
-        (_lidar_falls_silent, 0.34),
     ],
 )
 def test_losing_sight_is_a_hard_stop(lose_sight: Callable[[Stage], None], after_s: float) -> None:
@@ -56,7 +54,6 @@ def test_losing_sight_is_a_hard_stop(lose_sight: Callable[[Stage], None], after_
         assert 0.2 < stage.now_s - lost_s < 0.4  # the row's own timeout is unchanged
         stage.wait_stands(4.0)
         way_m = stage.at().distance_to(lost)
-        print(f"{way_m:.3f} m")
         assert way_m < 0.5
         stage.let_go()
 

@@ -34,8 +34,9 @@ def test_the_robot_stops_before_a_wall_at_which_it_is_driven() -> None:
 
 
 @shared(staged, "yard", start=START)
-@pytest.mark.parametrize(("kind", "value"), [("silent", 0.0), ("frozen", 0.0), ("covered", 1.0)])
+@pytest.mark.parametrize(("kind", "value"), [("frozen", 0.0), ("covered", 1.0)])
 def test_a_lidar_that_does_not_see_stops_the_robot(kind: str, value: float) -> None:
+    """A silent one: test_losing_sight.py."""
     with staged("yard", start=START) as stage:
         stage.drive_at(0.6)
         stage.inject(kind, value=value, into=services.INJECT_LIDAR_FAULT)

@@ -1,13 +1,12 @@
-"""Every emergency stop cause and the release procedure, on the whole robot in physics."""
+"""Emergency stops, their release, and faults of drives and inertial unit, on the whole robot in physics.
+
+Each source, reset and restart alone: tests/unit/safety, tests/simulated/nodes/test_safety_monitor.py.
+"""
 
 from __future__ import annotations
 
 import pytest
-from geometry_msgs.msg import TwistStamped
-from std_msgs.msg import Bool
 
-from custom_msgs.srv import ClearEmergencyStop
-from robot_stack.contract import services, topics
 from tests.simulated.shared import shared
 from tests.simulated.stage import Stage, staged
 
@@ -35,112 +34,7 @@ def test_a_false_alone_ends_no_stop_and_the_end_of_a_stop_starts_no_motion() -> 
         assert stage.safety.last.safety_state == "NORMAL"
 
 
-@pytest.mark.parametrize(("period_s", "pause_s"), [(0.25, 0.0), (0.05, 0.5)])
-def test_a_command_that_has_gaps_starts_no_motion_after_a_release(period_s: float, pause_s: float) -> None:
-    """A source at 4 Hz is stale between two messages; a pausing one is silent. Neither has commanded standstill."""
-    with staged() as stage:
-        stage.estop(True)
-        stage.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
-        stage.release()
-        stage.wait_safety("NORMAL")
-        command = TwistStamped()
-        command.twist.linear.x = 0.5
-        for _ in range(3):
-            begun_s = stage.now_s
-            while stage.now_s < begun_s + 1.0:
-                stage.publish(topics.TELEOP_CMD_VEL, command)
-                stage.stays(lambda: stage.stands, "the robot stands", period_s)
-            stage.stays(lambda: stage.stands, "the robot stands", pause_s)
-        assert "must ask for standstill first" in stage.log("swerve_controller")
-
-
-def test_button_holds_the_robot_against_other_publishers() -> None:
-    with staged() as stage:
-        stage.drive_at(0.8)
-        stage.inject("estop_button", value=1.0)
-        stage.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
-        stage.wait_stands(5.0)
-        stage.estop(False)
-        answer = stage.reset()
-        assert not answer.success
-        assert "/emergency_stop" in answer.message or "ESTOP_PRESSED" in answer.message
-        stage.inject("estop_button", value=0.0)
-        stage.release()
-        stage.wait_safety("NORMAL")
-        stage.assert_wheels_rest(1.0)
-        stage.let_go()
-        stage.drive_at(0.8)
-
-
-def test_a_mission_needs_to_be_resumed_after_a_stop() -> None:
-    with staged() as stage:
-        stage.command("START_MISSION", "short_hop")
-        stage.wait_mission("RUNNING")
-        stage.wait_faster(0.2)
-        stage.estop(True)
-        stage.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
-        assert "emergency stop" in stage.wait_mission("PAUSED").reason
-        stage.wait_stands(6.0)
-        stage.release()
-        stage.wait_safety("NORMAL")
-        stage.assert_wheels_rest(3.0)
-        assert stage.mission.last.state == "PAUSED"
-        stage.command("RESUME")
-        stage.wait_mission("RUNNING")
-        stage.wait_faster(0.2)
-
-
-def test_a_press_without_a_source_is_released_by_name_only() -> None:
-    with staged() as stage:
-        stage.drive_at(0.4)
-        stage.publish(topics.EMERGENCY_STOP, Bool(data=True))
-        stage.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
-        stage.wait_stands(5.0)
-        stage.let_go()
-        stage.estop(False)
-        stage.run(3.0)  # safety_monitor waits 2.5 s for the report of a source
-        assert "pressed by unknown" in stage.reset().message
-        cleared = stage.call(services.CLEAR_EMERGENCY_STOP, ClearEmergencyStop.Request(source="unknown"))
-        assert cleared.success, cleared.message
-        stage.release()
-
-
-def test_the_press_of_a_process_that_died_is_not_released_by_its_successor() -> None:
-    """Both have the same name: the second one presses and releases, but the first one's press stays active."""
-    with staged() as stage:
-        stage.expected_failures.add("emergency_stop_button")
-        stage.inject("estop_button", value=1.0)
-        stage.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
-        stage.kill("emergency_stop_button")
-        stage.inject("estop_button", value=0.0)
-        stage.wait_restarted("emergency_stop_button")
-        for pressed in (1.0, 0.0):
-            stage.inject("estop_button", value=pressed)
-            stage.run(1.0)
-        stage.estop(False)
-        stage.run(0.5)
-        answer = stage.reset()
-        assert not answer.success
-        assert "pressed by emergency_stop_button" in answer.message
-        cleared = stage.call(services.CLEAR_EMERGENCY_STOP, ClearEmergencyStop.Request(source="emergency_stop_button"))
-        assert cleared.success, cleared.message
-        stage.release()
-
-
-def test_a_reset_is_refused_while_the_robot_moves() -> None:
-    with staged() as stage:
-        stage.drive_at(1.0)
-        stage.estop(True)
-        stage.estop(False)
-        answer = stage.reset()  # braking takes another 0.5 s
-        assert not answer.success
-        stage.wait_stands(5.0)
-
-
-@pytest.mark.parametrize(
-    ("kind", "target"),
-    [("drive_alarm", "fl_drive"), ("drive_alarm", "rr_steer"), ("bus_loss", ""), ("engine_stall", "")],
-)
+@pytest.mark.parametrize(("kind", "target"), [("drive_alarm", "rr_steer"), ("bus_loss", "")])
 def test_a_drive_that_fails_ends_in_an_emergency_stop(kind: str, target: str) -> None:
     with staged() as stage:
         stage.drive(0.4, 0.0, 0.3)
@@ -192,11 +86,10 @@ def _ends_in_a_stop(stage: Stage) -> None:
     stage.let_go()
 
 
-@pytest.mark.parametrize("kind", ["imu_silent", "imu_frozen"])
-def test_without_an_imu_the_robot_is_slow(kind: str) -> None:
+def test_with_a_frozen_imu_the_robot_is_slow() -> None:
     with staged() as stage:
         stage.drive_at(1.0)
-        stage.inject(kind)
+        stage.inject("imu_frozen")
         stage.wait_safety("DEGRADED", "IMU_TIMEOUT")
         stage.wait(lambda: stage.speed_mps < 0.52, "0.5 m/s at most")
         assert stage.speed_mps > 0.3
@@ -211,32 +104,15 @@ def test_noise_of_the_imu_and_slippery_ground_end_no_ride() -> None:
         stage.drive_at(0.6)
         begun_s = stage.now_s
         stage.inject("imu_noise", value=10.0)
-        stage.run(3.0)
+        stage.run(2.0)
         assert stage.safety_states(begun_s) == {"NORMAL"}
         assert stage.speed_mps > 0.5
         stage.inject("clear")
         stage.inject("slip", "", 0.02, duration_s=2.0)
         stage.drive(1.0, 0.0, 0.8)
         begun_s = stage.now_s
-        stage.run(4.0)
+        stage.run(3.0)
         assert "EMERGENCY_STOP" not in stage.safety_states(begun_s)
         assert stage.odom.last.pose.covariance[0] > 0.0
         stage.let_go()
         stage.wait_stands()
-
-
-def test_invalid_commands_cause_no_motion() -> None:
-    with staged() as stage:
-        for bad in (float("nan"), float("inf"), -float("inf")):
-            stage.drive(bad)
-            stage.assert_wheels_rest(0.5)
-        assert "linear.x" in stage.log("swerve_controller")
-        stage.drive(1e12)
-        stage.wait_faster(0.9)
-        assert stage.speed_mps < 1.55
-        assert max(abs(module.drive_velocity) for module in stage.commands.last.modules) <= 1.55
-        begun_s = stage.now_s
-        stage.drive(1.7e308, 0.0, 1.7e308)  # finite, but its norm is not
-        stage.run(1.0)
-        assert len(stage.safety.since(begun_s)) >= 9
-        assert stage.speed_mps < 1.55

@@ -82,7 +82,7 @@ def _screen() -> Iterator[tuple[Stage, Person]]:
         yield stage, Person(stage)
 
 
-def test_a_ride_is_started_paused_stopped_released_and_finished() -> None:
+def test_a_ride_is_started_paused_stopped_released_and_resumed() -> None:
     with _screen() as (stage, person):
         person.say(t="start", mission="short_hop")
         stage.wait_faster(0.3)
@@ -100,8 +100,7 @@ def test_a_ride_is_started_paused_stopped_released_and_finished() -> None:
         stage.wait_safety("NORMAL")
         stage.run(0.5)  # until mission_manager has received the release
         person.say(t="resume")
-        stage.wait_mission("COMPLETED", 60.0)
-        stage.wait_stands()
+        stage.wait_faster(0.3)
 
 
 def test_external_display_and_mission_name_follow_the_language_of_the_rider() -> None:
@@ -172,22 +171,3 @@ def test_self_test_of_the_buttons_and_the_screen_moves_nothing() -> None:
         stage.wait_safety("NORMAL")
         stage.assert_wheels_rest(1.0)
         assert stage.at().distance_to(at) < 0.01
-
-
-def test_self_test_that_is_left_keeps_the_stop() -> None:
-    with _screen() as (stage, person):
-        person.unlock()
-        person.show("self_test")
-        stage.run(1.0)
-        person.say(t="self_test", act="begin")
-        person.wait_step("press", "passenger")
-        stage.inject("estop_button", value=1.0)
-        person.wait_step("release", "passenger")
-        person.show()
-        stage.inject("estop_button", value=0.0)
-        stage.stays(
-            lambda: stage.safety.last.safety_state == "EMERGENCY_STOP" and stage.stands, "the robot is stopped", 3.0
-        )
-        person.show("self_test")
-        last = stage.wait(lambda: person.self_test()["last"], "the result")
-        assert (last["verdict"], last["reason"], last["kind"]) == ("aborted", "LEFT", "release")
