@@ -1,4 +1,4 @@
-"""Every emergency stop cause and the release procedure, on the whole stack in physics."""
+"""Priorities of the control chain, and the world clock that waits for the stick."""
 
 from __future__ import annotations
 
@@ -24,20 +24,6 @@ def test_stop_chain_has_the_highest_priority(stack: StackUnderTest) -> None:
 
     assert [priority(name) for name in ("safety_monitor", "swerve_hardware_interface")] == [5, 5]
     assert [priority(name) for name in ("perception_pipeline", "mission_manager")] == [0, 0]
-
-
-def test_a_message_stops_the_robot_until_it_is_released(stack: StackUnderTest) -> None:
-    stack.drive_at(0.8)
-    stack.estop(True)
-    stack.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
-    stack.wait_stands(5.0)
-    stack.let_go()
-    stack.release()
-    stack.wait_safety("NORMAL")
-    assert stack.stands
-    stack.drive_at(0.8)
-    stack.let_go()
-    stack.wait_stands(6.0)
 
 
 def test_the_simulated_world_waits_for_a_stick_that_is_held_up(stack: StackUnderTest) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from robot_stack.core.runtime import touch_screen_url
 from tests.support.waiting import wait_for
-from tests.ui.conftest import PATIENT_S, set_silence_limit, unlock, until
+from tests.ui.conftest import PATIENT_S, set_silence_limit, unlock
 from tests.ui.conftest import browser as browser
 
 if TYPE_CHECKING:
@@ -45,17 +45,3 @@ def test_a_ride_is_started_stopped_and_released_by_touch(page: Any, stack: Stack
     stack.wait_safety("NORMAL")
     page.click("#to-staff")  # back to the rider's page
     page.wait_for_selector("#resume")
-
-
-def test_staff_drive_by_hand_and_the_robot_stops_when_the_finger_lifts(page: Any, stack: StackUnderTest) -> None:
-    unlock(page)
-    until(page, "window.touchUi.link.state.place?.pose !== undefined")
-    page.click('[data-nav="drive"]')
-    pad = page.locator("#pad").bounding_box()
-    x = pad["x"] + pad["width"] / 2
-    page.mouse.move(x, pad["y"] + pad["height"] / 2)
-    page.mouse.down()
-    page.mouse.move(x, pad["y"] + 10)
-    wait_for(lambda: stack.speed_mps > 0.3, "the robot to be driven")
-    page.mouse.up()
-    stack.wait_stands(10.0)
