@@ -17,7 +17,6 @@ from PIL import Image
 from robot_stack.supervisor import client
 from robot_stack.supervisor.control import NotRunning, ask
 from tests.support.compiled import assert_set_up_compiled_everything, tell_what_is_compiled
-from tests.support.environment import own_config
 from tests.support.processes import ROOT, NodeProcess
 from tests.support.waiting import wait_for
 
@@ -53,50 +52,17 @@ def assert_gone(pids: list[int]) -> None:
     wait_for(lambda: not any(psutil.pid_exists(pid) for pid in pids), "every process of the stack to be gone")
 
 
-def test_ride_ends_at_its_goal(demo: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    tell_what_is_compiled(monkeypatch)
-    process = demo("--mission", "short_hop")
-    code = process.wait(1700.0)
-    output = process.output()
-    assert code == 0, output
-    assert "START_MISSION short_hop: Short hop, 3 waypoints" in output
-    assert "reached the goal: " in output
-    folder = (tmp_path / "results" / "demo-latest").resolve()
-    assert f"  {folder / 'map.png'}" in output
-    result = json.loads((folder / "figures.json").read_text())
-    assert result["state"] == "COMPLETED"
-    # 1.5 + 1.6 + 1.7 m between the waypoints; without a map the pose drifts with the wheel odometry.
-    assert 4.5 < result["figures"]["distance_m"] < 5.5
-    assert result["figures"]["final_error_m"] < 0.10
-    assert (folder / "course.png").stat().st_size > 1000
-    page = (folder / "result.html").read_text(encoding="utf-8")
-    assert f"all of it on one page: {(folder / 'result.html').as_uri()}" in output
-    assert 'src="film.gif"' in page
-    assert all(f"<td>{name}</td>" in page for name in ("by", "stop", "end"))
-    assert "about to start: warning" in result["stops"][0]["why"]  # departure warning of 2 s
-    assert_recorded_and_filmed(folder, output)
-    assert stack_processes() == []
-    assert_set_up_compiled_everything(folder / "logs")
-
-
-def assert_recorded_and_filmed(folder: Path, output: str) -> None:
-    for name in ("recording", "film.gif"):
-        assert f"  {folder / name}" in output
-    assert (folder / "recording" / "metadata.yaml").is_file()  # exists only for a completed recording
-    with Image.open(folder / "film.gif") as film:
-        assert film.n_frames > 100
-    assert (folder / "film.gif").stat().st_size < 3e6
-
-
 @pytest.mark.slow
-def test_short_demo_carries_the_wheelchair(demo: Demo, tmp_path: Path) -> None:
-    """By the robot's own drivers, on devices simulated at their wires. On topics: tests/simulated/test_carrying.py."""
+def test_short_demo_carries_the_wheelchair(demo: Demo, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the robot's own drivers, on devices simulated at their wires. On topics: tests/simulated/test_fleet.py."""
+    tell_what_is_compiled(monkeypatch)
     process = demo("--short", "--devices")
     code = process.wait(1700.0)
     output = process.output()
     assert code == 0, output
     assert "START_MISSION short_transport: Short wheelchair transport, 6 waypoints" in output
     assert "with passenger" in output
+    assert "reached the goal: " in output
     folder = (tmp_path / "results" / "demo-latest").resolve()
     result = json.loads((folder / "figures.json").read_text())
     assert result["state"] == "COMPLETED"
@@ -104,8 +70,21 @@ def test_short_demo_carries_the_wheelchair(demo: Demo, tmp_path: Path) -> None:
     assert result["figures"]["time_s"] < 75.0
     assert result["wheelchair"]["carried_m"] > 5.0
     assert result["wheelchair"]["beside_m"] < 0.10
-    assert_recorded_and_filmed(folder, output)
+    assert result["figures"]["final_error_m"] < 0.10
+    assert "about to start: warning" in result["stops"][0]["why"]  # departure warning of 2 s
+    for name in ("map.png", "recording", "film.gif"):
+        assert f"  {folder / name}" in output
+    assert (folder / "course.png").stat().st_size > 1000
+    assert (folder / "recording" / "metadata.yaml").is_file()  # exists only for a completed recording
+    with Image.open(folder / "film.gif") as film:
+        assert film.n_frames > 100
+    assert (folder / "film.gif").stat().st_size < 3e6
+    page = (folder / "result.html").read_text(encoding="utf-8")
+    assert f"all of it on one page: {(folder / 'result.html').as_uri()}" in output
+    assert 'src="film.gif"' in page
+    assert all(f"<td>{name}</td>" in page for name in ("pick-up", "destination", "clear"))
     assert len(output.splitlines()) < 60
+    assert_set_up_compiled_everything(folder / "logs")
     assert stack_processes() == []
 
 
@@ -139,16 +118,6 @@ def test_sigterm_ends_it_even_where_sigint_is_ignored(tmp_path: Path) -> None:
     )
     done = subprocess.run([sys.executable, "-c", script], cwd=ROOT, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr) == (130, "\ndemo: interrupted; the stack is stopped\n")
-
-
-def test_mission_that_cannot_be_driven_is_refused(demo: Demo, tmp_path: Path) -> None:
-    mission = (ROOT / "config" / "missions" / "wheelchair_transport.yaml").read_text(encoding="utf-8")
-    wrong = mission.replace("id: wheelchair_transport", "id: no_such_dock").replace("chair_1", "chair_9")
-    with own_config(tmp_path, no_such_dock=wrong):
-        process = demo("--mission", "no_such_dock")
-        assert process.wait(200.0) == 1
-    assert "demo: the mission was refused: " in process.output()
-    assert stack_processes() == []
 
 
 @pytest.mark.parametrize(
