@@ -1,4 +1,4 @@
-"""The demonstration's transport, ordered by a foreign fleet manager over a real broker, on the whole robot."""
+"""A ride ordered by a foreign fleet manager over a real broker, on the whole robot. A transport: tests/simulated."""
 
 from __future__ import annotations
 
@@ -11,30 +11,23 @@ from custom_msgs.msg import MissionOrder
 from custom_msgs.srv import EditMissionQueue
 from robot_stack.contract import services
 from robot_stack.core.geometry import Pose2
-from sim.settings import FEW_BEAMS, SHORT_START, pose_settings, world_settings
-from tests.simulated.test_fleet import first_part, second_part
 from tests.support.environment import stack_environment
 from tests.support.fleet.broker import running_broker
+from tests.unit.fleet.master import node, order
 
-pytestmark = pytest.mark.timeout(1800)
-DEADLINE_S = 1500.0  # only ends a failing ride
+pytestmark = pytest.mark.timeout(900)
+DEADLINE_S = 600.0  # only ends a failing ride
+FIRST = order([node("start", 0, 0.0), node("passed", 2, 1.0), node("end", 4, 2.0, released=False)])
+SECOND = order([node("passed", 2, 1.0), node("end", 4, 2.0)], update=1)
 
 
-def test_a_transport_in_two_updates(tmp_path: Path) -> None:
-    settings = [
-        *world_settings("yard"),
-        *FEW_BEAMS,
-        *pose_settings("sim_world.start", SHORT_START),
-        *pose_settings("ndt_localization.start", SHORT_START),
-    ]
+def test_a_ride_in_two_updates(tmp_path: Path) -> None:
     with running_broker(tmp_path / "site", local=True) as broker, stack_environment(tmp_path):
-        from robot_stack.contract import topics
         from tests.support.fleet.foreign_masters import drive_by_sdk
-        from tests.support.stack import StackUnderTest, true_pose
+        from tests.support.stack import FLAT, StackUnderTest
 
         url = broker.site.robot_url()
-        with closing(StackUnderTest(tmp_path / "logs", *settings, fleet=url)) as stack:
-            bodies = stack.peer.listen(topics.SIM_BODIES)
+        with closing(StackUnderTest(tmp_path / "logs", *FLAT, fleet=url)) as stack:
             # A release before the pose is known is refused. With the next message the mission manager has the first.
             first = stack.wait_safety("NORMAL")
             stack.safety.wait(lambda message: message is not first, "another safety status")
@@ -43,13 +36,10 @@ def test_a_transport_in_two_updates(tmp_path: Path) -> None:
             )
             answer = stack.peer.call(services.EDIT_MISSION_QUEUE, release)
             assert answer.success, answer.message
-            followed = drive_by_sdk(url, "robot_stack", "robot_1", first_part(), second_part(), deadline_s=DEADLINE_S)
+            followed = drive_by_sdk(url, "robot_stack", "robot_1", FIRST, SECOND, deadline_s=DEADLINE_S)
             assert followed.accepted, followed
             assert followed.finished, followed
-            assert followed.nodes == ["start", "pick-up", "back out", "corner", "north path", "destination", "clear"]
+            assert followed.nodes == ["start", "passed", "end"]
             assert "orderAborted" not in followed.errors
             stack.wait_stands()
-            bodies.wait(
-                lambda message: true_pose(message, "wheelchair").distance_to(Pose2(3.9, 13.0, 0.0)) < 0.5,
-                "the chair at its destination",
-            )
+            assert stack.at().distance_to(Pose2(2.0, 0.0, 0.0)) < 0.15
