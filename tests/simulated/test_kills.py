@@ -49,7 +49,8 @@ def test_killed_button_process_restarts_and_stops_the_robot() -> None:
         stage.release()
 
 
-def test_without_its_safety_monitor_the_robot_brakes_hard() -> None:
+@pytest.mark.parametrize("hangs", [False, True])
+def test_without_its_safety_monitor_the_robot_brakes_hard(hangs: bool) -> None:
     """With a passenger at 1.0 m/s: 0.18 m of silence, 0.25 m of braking, and a tick. A comfort stop takes 1.6 m."""
     with staged() as stage:
         stage.drive_at(1.0)  # the ground ahead is seen from here on
@@ -57,7 +58,10 @@ def test_without_its_safety_monitor_the_robot_brakes_hard() -> None:
         stage.limit.wait(lambda message: "PASSENGER_ONBOARD" in message.reason, "the passenger's limit")
         stage.drive_at(1.0)
         begun = stage.at()
-        stage.kill("safety_monitor")
+        if hangs:
+            stage.hang("safety_monitor", 8.0)
+        else:
+            stage.kill("safety_monitor")
         stage.wait_stands(8.0)
         assert stage.at().distance_to(begun) < 0.5
         stage.let_go()
@@ -91,3 +95,46 @@ def test_a_pause_of_the_computer_ends_in_a_stop_that_an_operator_can_release(sec
         stage.let_go()
         stage.release()
         stage.wait_safety("NORMAL")
+
+
+def test_the_world_and_its_engine_are_killed() -> None:
+    with staged() as stage:
+        stage.drive_at(0.6)
+        stage.kill("sim_world")
+        stage.wait_safety("EMERGENCY_STOP", "DRIVE_FAULT")
+        stage.let_go()
+        stage.wait_restarted("sim_world")
+        stage.run(5.0)
+        stage.release()
+        stage.wait_safety("NORMAL")
+        stage.drive_at(0.3)
+
+
+def test_a_latched_stop_survives_the_monitor() -> None:
+    with staged() as stage:
+        stage.drive_at(0.6)
+        stage.estop(True)
+        stage.wait_safety("EMERGENCY_STOP")
+        stage.run(0.2)
+        stage.estop(False)
+        stage.kill("safety_monitor")
+        killed_s = stage.now_s
+        stage.wait_restarted("safety_monitor")
+        stage.safety.wait_next(10)
+        assert stage.safety_states(killed_s) == {"EMERGENCY_STOP"}
+        assert stage.stands
+
+
+def test_a_mission_survives_its_manager_and_waits_for_a_person() -> None:
+    with staged() as stage:
+        stage.command("START_MISSION", "short_hop")
+        stage.wait_mission("RUNNING")
+        stage.wait_faster(0.2)
+        stage.kill("mission_manager")
+        stage.wait_restarted("mission_manager")
+        assert stage.wait_mission("PAUSED").mission_id == "short_hop"
+        stage.wait_stands()
+        stage.wait_safety("NORMAL")
+        stage.command("RESUME")
+        stage.wait_mission("RUNNING")
+        stage.wait_mission("COMPLETED", 60.0)

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import pytest
 
+from custom_msgs.srv import ClearEmergencyStop
+from robot_stack.contract import services
 from tests.simulated.shared import shared
 from tests.simulated.stage import Stage, staged
 
@@ -34,7 +36,7 @@ def test_a_false_alone_ends_no_stop_and_the_end_of_a_stop_starts_no_motion() -> 
         assert stage.safety.last.safety_state == "NORMAL"
 
 
-@pytest.mark.parametrize(("kind", "target"), [("drive_alarm", "rr_steer"), ("bus_loss", "")])
+@pytest.mark.parametrize(("kind", "target"), [("drive_alarm", "rr_steer"), ("bus_loss", ""), ("engine_stall", "")])
 def test_a_drive_that_fails_ends_in_an_emergency_stop(kind: str, target: str) -> None:
     with staged() as stage:
         stage.drive(0.4, 0.0, 0.3)
@@ -86,10 +88,11 @@ def _ends_in_a_stop(stage: Stage) -> None:
     stage.let_go()
 
 
-def test_with_a_frozen_imu_the_robot_is_slow() -> None:
+@pytest.mark.parametrize("kind", ["imu_silent", "imu_frozen"])
+def test_without_an_imu_the_robot_is_slow(kind: str) -> None:
     with staged() as stage:
         stage.drive_at(1.0)
-        stage.inject("imu_frozen")
+        stage.inject(kind)
         stage.wait_safety("DEGRADED", "IMU_TIMEOUT")
         stage.wait(lambda: stage.speed_mps < 0.52, "0.5 m/s at most")
         assert stage.speed_mps > 0.3
@@ -116,3 +119,43 @@ def test_noise_of_the_imu_and_slippery_ground_end_no_ride() -> None:
         assert stage.odom.last.pose.covariance[0] > 0.0
         stage.let_go()
         stage.wait_stands()
+
+
+def test_a_mission_needs_to_be_resumed_after_a_stop() -> None:
+    with staged() as stage:
+        stage.command("START_MISSION", "short_hop")
+        stage.wait_mission("RUNNING")
+        stage.wait_faster(0.2)
+        stage.estop(True)
+        stage.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
+        assert "emergency stop" in stage.wait_mission("PAUSED").reason
+        stage.wait_stands(6.0)
+        stage.release()
+        stage.wait_safety("NORMAL")
+        stage.assert_wheels_rest(3.0)
+        assert stage.mission.last.state == "PAUSED"
+        stage.command("RESUME")
+        stage.wait_mission("RUNNING")
+        stage.wait_faster(0.2)
+
+
+def test_the_press_of_a_process_that_died_is_not_released_by_its_successor() -> None:
+    """Both have the same name: the second one presses and releases, but the first one's press stays active."""
+    with staged() as stage:
+        stage.expected_failures.add("emergency_stop_button")
+        stage.inject("estop_button", value=1.0)
+        stage.wait_safety("EMERGENCY_STOP", "ESTOP_PRESSED")
+        stage.kill("emergency_stop_button")
+        stage.inject("estop_button", value=0.0)
+        stage.wait_restarted("emergency_stop_button")
+        for pressed in (1.0, 0.0):
+            stage.inject("estop_button", value=pressed)
+            stage.run(1.0)
+        stage.estop(False)
+        stage.run(0.5)
+        answer = stage.reset()
+        assert not answer.success
+        assert "pressed by emergency_stop_button" in answer.message
+        cleared = stage.call(services.CLEAR_EMERGENCY_STOP, ClearEmergencyStop.Request(source="emergency_stop_button"))
+        assert cleared.success, cleared.message
+        stage.release()

@@ -52,7 +52,7 @@ def test_a_docking_passes_its_states_in_order(name: str) -> None:
     bench = began(Bench(name, start=Pose2(-approach_sign * 1.5, 0.5, 0.35), noise_m=0.0002))
     start_s = bench.now_s
     result = bench.run_to_end()
-    assert bench.now_s - start_s < 40.0
+    assert bench.now_s - start_s < (30.0 if name == "chair_1" else 40.0)
     assert result.success
     assert result.tries == 1
     assert bench.states[1:] == [*SEEING, DockingState.DOCKED]

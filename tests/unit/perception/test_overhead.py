@@ -78,16 +78,21 @@ def near(xyz: np.ndarray, x: float, y: float, within_m: float = 0.45) -> int:
     return int((np.hypot(xyz[:, 0] - x, xyz[:, 1] - y) < within_m).sum())
 
 
-@pytest.mark.parametrize("twist", [Twist2(1.0, 0.0, 0.0), Twist2(0.3, 0.0, 1.0)])
-def test_even_ground_robot_and_mast_are_no_obstacles(twist: Twist2, robot: Robot, params: PerceptionParams) -> None:
-    assert len(seen(frame(twist=twist), robot, params, twist=twist)) == 0
+@pytest.mark.parametrize("chair", [False, True])
+@pytest.mark.parametrize("twist", [ZERO_TWIST, Twist2(1.0, 0.0, 0.0), Twist2(0.3, 0.0, 1.0)])
+def test_even_ground_robot_mast_and_passenger_are_no_obstacles(
+    chair: bool, twist: Twist2, robot: Robot, params: PerceptionParams
+) -> None:
+    assert len(seen(frame(chair=chair, twist=Twist2(0, 0, 0)), robot, params, chair)) == 0
+    if not chair:  # an attached chair would have to move too
+        assert len(seen(frame(twist=twist), robot, params, twist=twist)) == 0
 
 
 def test_ranges_between_the_edges_of_mast_and_passenger_and_the_ground_are_no_obstacles(
     robot: Robot, params: PerceptionParams
 ) -> None:
     """Some beams at an edge report a range in between; behind the mast every tenth frame had such obstacles."""
-    for seed in range(20):
+    for seed in range(25):
         found = seen(frame(base=Pose2(0.3 * seed, 0.0, 0.1 * seed), chair=True, seed=seed), robot, params, chair=True)
         assert len(found) == 0, (seed, found)
 
@@ -113,7 +118,8 @@ def test_sensor_on_top_of_its_mast_has_no_shadow(robot: Robot) -> None:
     assert not beside_mast(around, (robot.mast.x_m, robot.mast.y_m), robot.mast, 0.02).any()
 
 
-@pytest.mark.parametrize(("ahead_m", "aside_m"), [(1.75, 0.0), (1.75, -0.4), (2.5, 0.4), (3.5, 0.0)])
+@pytest.mark.parametrize("ahead_m", [1.75, 2.0, 2.5, 3.5])
+@pytest.mark.parametrize("aside_m", [-0.4, 0.0, 0.4])
 def test_a_person_before_the_passenger_is_seen(
     ahead_m: float, aside_m: float, robot: Robot, params: PerceptionParams
 ) -> None:
@@ -136,7 +142,8 @@ def test_only_the_view_for_fast_bodies_has_returns_from_afar(robot: Robot, param
     assert first.passed_m.shape == first.ground_m.shape == first.bare.shape < wide.passed_m.shape
 
 
-@pytest.mark.parametrize(("front_m", "length_m"), [(2.0, 0.9), (2.0, 1.4), (2.5, 0.5), (2.7, 0.9)])
+@pytest.mark.parametrize("front_m", [2.0, 2.5, 2.7])
+@pytest.mark.parametrize("length_m", [0.5, 0.9, 1.4])
 def test_low_box_in_the_shadow_of_the_chair_is_an_obstacle(
     front_m: float, length_m: float, robot: Robot, params: PerceptionParams
 ) -> None:
@@ -148,9 +155,9 @@ def test_low_box_in_the_shadow_of_the_chair_is_an_obstacle(
     assert shown.any() == (front_m + length_m > 2.95)  # nearer, rays pass above it
 
 
-@pytest.mark.parametrize(
-    ("edge_m", "foot_m", "yaw"), [(-0.45, 1.5, 0.06), (0.45, 2.0, 0.0), (-0.45, 2.5, 0.0), (0.45, 2.5, 0.06)]
-)
+@pytest.mark.parametrize("edge_m", [-0.45, 0.45])
+@pytest.mark.parametrize("foot_m", [1.5, 2.0, 2.5])
+@pytest.mark.parametrize("yaw", [0.0, 0.06])
 def test_ramp_with_one_edge_near_the_robot_is_ground_behind_the_chair(
     edge_m: float, foot_m: float, yaw: float, robot: Robot, params: PerceptionParams
 ) -> None:
@@ -170,11 +177,12 @@ def test_a_bag_behind_the_deck_is_seen(x_m: float, y_m: float, robot: Robot, par
     assert near(seen(frame(world(boxes=[bag])), robot, params), x_m, y_m, 0.25) >= params.obstacles.neighbours_min
 
 
-@pytest.mark.parametrize(("y_m", "x_m"), [(0.0, 1.0), (4.5, 2.0)], ids=["5 deg", "10 deg"])
-def test_a_ramp_ahead_is_ground(y_m: float, x_m: float, robot: Robot, params: PerceptionParams) -> None:
+@pytest.mark.parametrize(("y_m", "name"), [(0.0, "5 deg"), (4.5, "10 deg")])
+@pytest.mark.parametrize("x_m", [1.0, 2.0])
+def test_a_ramp_ahead_is_ground(y_m: float, name: str, x_m: float, robot: Robot, params: PerceptionParams) -> None:
     """Between its sides, which are walls."""
     found = seen(frame(load_world("ramps"), Pose2(x_m, y_m, 0.0)), robot, params)
-    assert not ((np.abs(found[:, 1]) < 1.2) & (found[:, 0] > 0.5)).any()
+    assert not ((np.abs(found[:, 1]) < 1.2) & (found[:, 0] > 0.5)).any(), name
 
 
 def test_frame_moves_with_the_robot_and_expires(robot: Robot, params: PerceptionParams) -> None:

@@ -48,7 +48,7 @@ def between(points: NDArray[np.float32], low_m: float, high_m: float) -> NDArray
     return points[(points[:, 0] < low_m) | (points[:, 0] > high_m)]
 
 
-@pytest.mark.parametrize("depth_m", [0.05, 3.0])
+@pytest.mark.parametrize("depth_m", [0.05, 0.08, 0.3, 3.0])
 def test_ground_that_falls_is_an_edge(depth_m: float) -> None:
     edges = footing(floor(step_down(depth_m), noise_m=0.014)).edges(IDENTITY)
     assert len(np.unique(np.round(edges[:, 1], 2))) > 90  # along the whole edge
@@ -89,9 +89,9 @@ def test_ramp_explains_a_drop_across_an_occluded_area() -> None:
 
 
 def test_the_direction_of_the_fall_does_not_matter() -> None:
-    """To the side and at an angle."""
+    """Behind, to the side and at an angle."""
     points = floor(step_down(0.10))
-    for yaw in (0.5 * math.pi, -0.75 * math.pi):
+    for yaw in (math.pi, 0.5 * math.pi, 0.25 * math.pi, -0.75 * math.pi):
         c, s = math.cos(yaw), math.sin(yaw)
         turned = points.copy()
         turned[:, 0], turned[:, 1] = c * points[:, 0] - s * points[:, 1], s * points[:, 0] + c * points[:, 1]

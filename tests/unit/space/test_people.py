@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 from collections.abc import Sequence
 
@@ -147,6 +146,14 @@ def test_the_shadow_of_who_approaches_is_no_part_of_the_person() -> None:
     assert not one.in_group
 
 
+def test_an_object_that_never_walked_is_no_person() -> None:
+    scene = Scene()
+    for _ in range(30):
+        scene.see(at((5.0, 4.0)))
+    (one,) = scene.near((5.0, 4.0))
+    assert not one.walked
+
+
 def test_walls_and_boxes_that_come_into_view_do_not_walk() -> None:
     """The robot passes boxes, whose shadows move along the wall behind them."""
     scene = Scene()
@@ -279,14 +286,25 @@ def walked(grids: Grids) -> list[Place]:
     return sorted(((one.x, one.y) for one in grids.tracker.people if one.walked), key=lambda place: place[1])
 
 
-def test_a_group_that_stops_side_by_side_remains_people_for_a_time_and_is_followed_when_it_walks_on() -> None:
+def test_a_group_that_stops_side_by_side_remains_people() -> None:
     grids = Grids()
     ends = row_that_stops(grids)
     assert np.ptp([y for _, y in ends]) + 0.5 > P.max_size_m
     assert np.array(walked(grids)) == pytest.approx(np.array(ends), abs=0.15)
-    assert [(one.walks, one.in_group) for one in grids.tracker.people] == [(False, True)] * 4
-    people = copy.deepcopy(grids).see(at(ends[0], ends[2]))
+    assert not any(one.walks for one in grids.tracker.people)
+
+
+def test_a_group_that_walks_on_separately_is_followed_at_once() -> None:
+    grids = Grids()
+    ends = row_that_stops(grids)
+    assert all(one.in_group for one in grids.tracker.people)
+    people = grids.see(at(ends[0], ends[2]))
     assert [one.walked for one in people if not one.in_group] == [True, True]
+
+
+def test_a_group_is_followed_for_its_time() -> None:
+    grids = Grids()
+    ends = row_that_stops(grids)
     for _ in range(round((P.group_s + P.memory_s) / GRID_S) + 1):
         grids.see(at(*ends))
     assert not walked(grids)
@@ -338,7 +356,7 @@ def test_a_person_who_comes_and_stops_beside_the_robot_remains_one(chair: bool) 
     assert one.walks
     assert not one.in_group
     assert (one.vx, one.vy) == (pytest.approx(0.0, abs=0.25), pytest.approx(-1.0, abs=0.25))
-    yard.run(3.0)
+    yard.run(10.0)
     (one,) = yard.near((2.0, 2.2))
     assert one.walked
     assert not one.walks
@@ -366,7 +384,7 @@ def test_a_post_that_the_robot_passes_does_not_walk() -> None:
     yard = PeopledYard(who=ADULT)
     yard.at["who"] = (2.5, 1.2)
     yard.run(1.0)
-    for _ in range(15):
+    for _ in range(20):
         yard.run(0.2, Twist2(0.8, 0.0, 0.0))
         assert not any(one.walked for one in yard.people)
 
@@ -380,7 +398,10 @@ def test_people_pass_through_a_cloud_unchanged() -> None:
         9.5, 5.0, 5.0, 1.0, -0.5, 0.25, box, 0.0625, 0.125, 7, walks=True, walked=True, apart_s=9.5, number=3
     )
     post = Person(9.75, 2.0, 3.0, radius_m=0.5, number=4)
-    assert people_of(people_points((walker, post), 10.0), 10.0) == (walker, post)
+    assert people_of(people_points((walker, post), 10.0), 10.0) == (
+        walker,
+        post,
+    )
 
 
 def test_a_cloud_with_values_that_are_not_finite_is_refused() -> None:

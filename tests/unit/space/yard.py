@@ -133,6 +133,7 @@ class Yard:
         self._half = 1 - self._half
         if self._overhead is not None and self._half:
             self.pipeline.overhead(self._overhead.sweep(base, self.now_s, movers).points, self.now_s)
+        assert self._lidar is not None
         points = self._lidar.half_sweep(base, self.now_s, self._half, movers).points
         if self.dirt_deg is not None:
             bearing = np.degrees(np.arctan2(points["y"], points["x"]))
@@ -150,6 +151,7 @@ class Yard:
     def walk(self, name: str, to: tuple[float, float], speed_mps: float = 1.0) -> Yard:
         """Moves an object on a straight line while the robot keeps its twist."""
         begin = self.at[name]
+        assert begin is not None
         distance_m = math.dist(begin, to)
         for share in np.arange(0.0, 1.0, STEP_S * speed_mps / distance_m):
             self.at[name] = (begin[0] + share * (to[0] - begin[0]), begin[1] + share * (to[1] - begin[1]))
