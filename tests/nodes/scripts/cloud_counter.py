@@ -1,4 +1,4 @@
-"""Prints the sequence number in the frame id of each received point cloud, until the last one's."""
+"""Prints the sequence number in the frame id of each received point cloud, until as many have been received."""
 
 import sys
 import time
@@ -10,7 +10,7 @@ from robot_stack.contract import topics
 from robot_stack.ros import transport
 from robot_stack.ros.interfaces import qos_profile
 
-last = int(sys.argv[1])
+wanted = int(sys.argv[1])
 seen: list[int] = []
 
 
@@ -31,7 +31,7 @@ subscription = node.create_subscription(
 while subscription.get_publisher_count() == 0:
     rclpy.spin_once(node, timeout_sec=0.1)
 print("connected", flush=True)
-while last not in seen:
+while len(seen) < wanted:
     rclpy.spin_once(node, timeout_sec=0.1)
 node.destroy_node()
 rclpy.shutdown()
