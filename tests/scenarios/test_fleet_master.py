@@ -17,7 +17,9 @@ from tests.unit.fleet.master import node, order
 
 pytestmark = pytest.mark.timeout(900)
 DEADLINE_S = 600.0  # only ends a failing ride
-FIRST = order([node("start", 0, 0.0), node("passed", 2, 1.0), node("end", 4, 2.0, released=False)])
+FIRST = order(
+    [node("start", 0, 0.0, allowedDeviationXY=0.5), node("passed", 2, 1.0), node("end", 4, 2.0, released=False)]
+)
 SECOND = order([node("passed", 2, 1.0), node("end", 4, 2.0)], update=1)
 
 
