@@ -107,16 +107,12 @@ def test_stale_sight_is_a_limit_and_no_fault_and_at_zero_a_hard_stop() -> None:
     assert (both.codes, both.is_hard_stop()) == (("LOCALIZATION_LOST", "SIGHT_STALE"), True)
 
 
-@pytest.mark.parametrize(
-    ("row", "limits"),
-    [
-        (replace(SLOW, limit=None), (0.0, 0.0)),  # a limit without a number is a stop
-        (replace(STOP, limit=SpeedLimit(0.7, 0.7)), (0.0, 0.0)),
-        (replace(SLOW, limit=SpeedLimit(9.0, 9.0)), (1.5, 1.0)),
-    ],
-)
-def test_limit_of_one_row(row: ActiveRow, limits: tuple[float, float]) -> None:
-    assert arbitrate([row], OWN, None).limit.usable() == limits
+def test_a_limit_without_a_number_is_a_stop() -> None:
+    assert arbitrate([replace(SLOW, limit=None)], OWN, None).limit.usable() == (0.0, 0.0)
+
+
+def test_limit_above_the_robots_limits_has_no_effect() -> None:
+    assert arbitrate([replace(SLOW, limit=SpeedLimit(9.0, 9.0))], OWN, None).limit == SafetyLimit(1.5, 1.0)
 
 
 @pytest.mark.parametrize("limit", [SpeedLimit(1.5, 0.5), SpeedLimit(0.5, 1.0)])
@@ -125,6 +121,10 @@ def test_a_limit_equal_to_the_robots_own_is_no_reason(limit: SpeedLimit) -> None
     tight = replace(SLOW, code="TIGHT", limit=limit)
     assert arbitrate([same], OWN, None).limit.codes == ()
     assert arbitrate([same, tight], OWN, None).limit.codes == ("TIGHT",)
+
+
+def test_stop_ignores_an_attached_limit() -> None:
+    assert arbitrate([replace(STOP, limit=SpeedLimit(0.7, 0.7))], OWN, None).limit.usable() == (0.0, 0.0)
 
 
 def _rows() -> st.SearchStrategy[list[ActiveRow]]:
@@ -153,6 +153,12 @@ def test_additional_fault_never_relaxes_the_action(
 
 
 @given(_rows())
+def test_a_passenger_never_makes_it_faster(rows: list[ActiveRow]) -> None:
+    alone, aboard = arbitrate(rows, OWN, None), arbitrate(rows, OWN, PASSENGER)
+    assert aboard.limit.linear_mps <= min(alone.limit.linear_mps, PASSENGER.linear_mps)
+
+
+@given(_rows())
 def test_a_stop_is_hard_unless_every_row_that_stops_is_gentle(rows: list[ActiveRow]) -> None:
     verdict = arbitrate(rows, OWN, PASSENGER)
     standing = [row for row in rows if row.action >= SafetyAction.STOP or (row.limit or STANDSTILL).linear_mps == 0.0]
@@ -161,13 +167,14 @@ def test_a_stop_is_hard_unless_every_row_that_stops_is_gentle(rows: list[ActiveR
 
 
 @given(_rows(), st.text())
-def test_stop_means_zero_and_zero_has_a_reason_and_no_text_or_passenger_relaxes_it(
-    rows: list[ActiveRow], detail: str
-) -> None:
-    verdict, aboard = arbitrate(rows, OWN, None), arbitrate(rows, OWN, PASSENGER)
+def test_a_text_decides_nothing(rows: list[ActiveRow], detail: str) -> None:
+    assert arbitrate([replace(row, detail=detail) for row in rows], OWN, PASSENGER) == arbitrate(rows, OWN, PASSENGER)
+
+
+@given(_rows())
+def test_stop_means_zero_and_zero_has_a_reason(rows: list[ActiveRow]) -> None:
+    verdict = arbitrate(rows, OWN, None)
     if verdict.action >= SafetyAction.STOP:
         assert verdict.limit.usable() == (0.0, 0.0)
     if verdict.limit.linear_mps < OWN.linear_mps:
         assert verdict.limit.codes
-    assert aboard.limit.linear_mps <= min(verdict.limit.linear_mps, PASSENGER.linear_mps)
-    assert arbitrate([replace(row, detail=detail) for row in rows], OWN, None) == verdict

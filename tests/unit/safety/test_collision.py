@@ -86,9 +86,8 @@ def test_along_a_curve() -> None:
     quarter = math.pi / 2
     expected = quarter - math.asin(0.5 / 0.9)  # the front edge is at that angle from straight below the centre
     assert time_to(0.9, 1.0, 1.0, 0.0, 1.0) == pytest.approx(expected)
-    for y in (3.0, 1.5, 1.0):  # beyond the outer corner's 1.39 m, within the inner edge's 0.7 m, at the centre
-        assert time_to(0.0, y, 1.0, 0.0, 1.0) == math.inf
-    assert time_to(1.5, 0.75, 1.0, 1.0, 0.0, Outline(0.5, -0.5, 0.25)) == 1.0, "a corner that is just met is touched"
+    assert time_to(0.0, 3.0, 1.0, 0.0, 1.0) == math.inf  # 2 m from the centre, beyond the outer corner's 1.39 m
+    assert time_to(0.0, 1.5, 1.0, 0.0, 1.0) == math.inf  # 0.5 m from it, within the inner edge's 0.7 m
 
 
 def test_a_very_wide_curve_is_a_line() -> None:
@@ -96,6 +95,11 @@ def test_a_very_wide_curve_is_a_line() -> None:
     assert wide == straight == pytest.approx(3.5)
     assert time_to(4.0, 0.1, 1.0, 0.0, 1.01e-3) == pytest.approx(straight, abs=1e-3)
     assert time_to(4.0, 0.3, 1.0, 0.0, -2e-3) == math.inf  # 3 mm beside the path
+
+
+def test_a_point_at_the_centre_of_rotation_stays_there() -> None:
+    outside = Outline(0.5, -0.4, 0.3)
+    assert time_to(0.0, 1.0, 1.0, 0.0, 1.0, outside) == math.inf
 
 
 TWISTS = st.builds(Twist2, *[st.floats(-1.5, 1.5)] * 3)
@@ -207,7 +211,7 @@ def test_clearance_depends_on_the_direction_alone(twist: Twist2, factor: float, 
     assert fast.time_s * factor == pytest.approx(slow.time_s, rel=1e-6, abs=1e-6)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", range(6))
 def test_all_around_every_centre_of_rotation_as_in_small_steps(seed: int) -> None:
     """Centres of rotation in front of, behind, beside and within the robot, with points on all sides."""
     random = np.random.default_rng(seed)
@@ -221,26 +225,29 @@ def test_all_around_every_centre_of_rotation_as_in_small_steps(seed: int) -> Non
     angle = -twist.omega * times[:, None]
     x, y = places[:, 0] - cx, places[:, 1] - cy
     seen = np.stack([cx + np.cos(angle) * x - np.sin(angle) * y, cy + np.sin(angle) * x + np.cos(angle) * y], axis=-1)
-
-    def covers(outline: Outline) -> NDArray[np.bool_]:
-        return outline.contains(seen.reshape(-1, 2)).reshape(seen.shape[:2])
-
-    inside = covers(BODY)
-    deep = covers(Outline(BODY.front - 0.02, BODY.rear + 0.02, BODY.half - 0.02)).any(axis=0)
+    inside = BODY.contains(seen.reshape(-1, 2)).reshape(seen.shape[:2])
+    well_inside = Outline(BODY.front - 0.02, BODY.rear + 0.02, BODY.half - 0.02)
+    deep = well_inside.contains(seen.reshape(-1, 2)).reshape(seen.shape[:2]).any(axis=0)
     stepped = np.where(inside.any(axis=0), times[np.argmax(inside, axis=0)], math.inf)
     exact = contact_times(places, BODY, twist)
     assert deep.any()
     assert np.abs(exact[deep] - stepped[deep]).max() <= step_s + 1e-6
-    least_gap_m = BODY.distances(seen.reshape(-1, 2)).reshape(seen.shape[:2]).min(axis=0)
-    assert np.isinf(exact[~inside.any(axis=0) & (least_gap_m > 0.01)]).all()
+    assert np.isinf(exact[~inside.any(axis=0) & (_least_gap(seen) > 0.01)]).all()
+
+
+def _least_gap(seen: NDArray[np.float64]) -> NDArray[np.float64]:
+    return BODY.distances(seen.reshape(-1, 2)).reshape(seen.shape[:2]).min(axis=0)
+
+
+def test_a_corner_that_is_just_met_is_touched() -> None:
+    box = Outline(0.5, -0.5, 0.25)
+    assert time_to(1.5, 0.75, 1.0, 1.0, 0.0, box) == 1.0
 
 
 def test_deeper_is_a_matter_of_direction_not_of_speed() -> None:
-    for speed in (0.01, 1.0, 10.0):
+    for speed in (0.01, 0.1, 1.0, 10.0):
         assert time_to(0.0, 0.25, speed, 0.5 * speed, 0.0) == 0.0
         assert time_to(0.0, 0.25, speed, 0.1 * speed, 0.0) == math.inf
-    assert time_to(0.0, 0.29, 0.9, 0.1, 0.0, WIDENED) == math.inf
-    assert time_to(0.0, 0.29, 0.0, 0.1, 0.0, WIDENED) == 0.0
 
 
 WIDENED = Outline(front=0.55, rear=-0.45, half=0.35, margin=0.05)
@@ -265,3 +272,8 @@ def test_a_wall_within_the_margin_is_met_by_the_body(vx: float, vy: float, secon
     if 0.0 < seconds < math.inf:
         assert found.clearance_m == pytest.approx(seconds * twist.speed(), abs=0.05)
     assert WIDENED.body() == Outline(*(pytest.approx(value) for value in (0.5, -0.4, 0.3)), 0.0)
+
+
+def test_points_inside_the_footprint_collide_only_if_they_get_deeper() -> None:
+    assert time_to(0.0, 0.29, 0.9, 0.1, 0.0, WIDENED) == math.inf
+    assert time_to(0.0, 0.29, 0.0, 0.1, 0.0, WIDENED) == 0.0

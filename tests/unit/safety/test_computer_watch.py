@@ -25,9 +25,12 @@ def same(state: ComputerState, *expected: float) -> bool:
     return values == pytest.approx(expected, nan_ok=True)
 
 
+def test_all_values_are_unknown_at_first() -> None:
+    assert same(watch().state(1.0), math.nan, math.nan, 0.0, math.nan, math.nan)
+
+
 def test_values_are_available_until_they_are_stale() -> None:
     computer = watch()
-    assert same(computer.state(1.0), math.nan, math.nan, 0.0, math.nan, math.nan)
     computer.usage(10.0, 20.0, 30.0, 1.0)
     computer.temperature(40.0, 1.0)
     assert same(computer.state(2.0), 40.0, 10.0, 0.0, 20.0, 30.0)
@@ -85,9 +88,15 @@ def test_a_link_that_is_not_required_is_missed_only_after_it_has_been_up() -> No
     link = LinkWatch(expected=True, required=False)
     link.process_heard(2.0)
     assert link.silent_s(100.0) is None
-    link.status(True, 101.0)
-    link.status(False, 102.0)  # a status without a link is silence
+    link.alive(101.0)
     assert link.silent_s(103.0) == 2.0
+
+
+def test_a_status_without_a_link_is_silence() -> None:
+    link = LinkWatch(expected=True)
+    link.status(True, 1.0)
+    link.status(False, 3.0)
+    assert link.silent_s(4.0) == 3.0
 
 
 def test_processes_outside_the_profile_are_not_missed() -> None:

@@ -77,16 +77,14 @@ def test_every_fault_of_the_contract_has_a_condition_and_is_watched() -> None:
 
 
 @pytest.mark.parametrize("code", CONDITIONS)
-def test_clear_when_all_is_well(code: str) -> None:
-    for active_action in SafetyAction:
-        assert find(code, active_action) == CLEAR
+@pytest.mark.parametrize("active_action", list(SafetyAction))
+def test_clear_when_all_is_well(code: str, active_action: SafetyAction) -> None:
+    assert find(code, active_action) == CLEAR
 
 
 @pytest.mark.parametrize("code", CONDITIONS)
 def test_action_is_at_most_that_of_the_contract(code: str) -> None:
-    ages = [name for name in WELL.__dataclass_fields__ if name.endswith(("_age_s", "_silent_s"))]
     worst: dict[str, Any] = {
-        **dict.fromkeys(ages, math.inf),
         "uptime_s": math.inf,
         "estop": "pressed",
         "contact": present(EMERGENCY, "front"),
@@ -95,15 +93,23 @@ def test_action_is_at_most_that_of_the_contract(code: str) -> None:
         "steering": present(EMERGENCY, "stuck"),
         "drive": present(EMERGENCY, "broken"),
         "overspeed": present(EMERGENCY, "too fast"),
+        "joint_states_age_s": math.inf,
+        "imu_age_s": math.inf,
         "inclination_rad": math.pi,
         "slope": present(STOP, "steep"),
+        "pose_age_s": math.inf,
+        "quality_age_s": math.inf,
         "battery": 0.0,
-        "battery_age_s": 0.0,
         "latch_problem": "disk full",
         "processes": {"a": ProcessAge(Criticality.CRITICAL, math.inf)},
         "cameras": {"/a": math.inf},
+        "lidar_age_s": math.inf,
+        "overhead_lidar_age_s": math.inf,
+        "obstacles_age_s": math.inf,
         "prediction": replace(FREE_WAY, moving=Approach(0.0, 0.0)),
         "computer": ComputerState(120.0, 100.0, math.inf, 100.0, 100.0),
+        "ehmi_silent_s": math.inf,
+        "ui_silent_s": math.inf,
     }
     assert find(code, **worst).action is faults.BY_CODE[code].action
 
@@ -114,46 +120,44 @@ def test_stale_limits_come_from_the_contract() -> None:
         stale_s(topics.PLAN)
 
 
-@pytest.mark.parametrize(
-    ("code", "field"),
-    [
-        ("DRIVE_FAULT", "drive"),
-        ("OVERSPEED", "overspeed"),
-        ("CONTACT", "contact"),
-        ("CHAIR_LOOSE", "chair_loose"),
-        ("STEERING_FAULT", "steering"),
-        ("LATCH_NOT_CLOSED", "latch_not_closed"),
-        ("SLOPE", "slope"),
-    ],
-)
-def test_condition_returns_the_finding_of_its_watch(code: str, field: str) -> None:
-    for found in (Finding(Level.WAITING, STOP, None, "coming up"), UNKNOWN, CLEAR):
-        assert find(code, **{field: found}) is found
+def test_estop() -> None:
+    assert find("ESTOP_PRESSED", estop="the button") == present(EMERGENCY, "the button")
 
 
-NEVER = {"joint_states_up": False, "joint_states_age_s": math.inf}
-SETTLING = {"joint_states_up": False, "joint_states_age_s": 0.1}
-GRACE_S = PARAMS.startup_grace_s
+def test_drive_condition_returns_the_finding_of_its_watch() -> None:
+    found = Finding(Level.WAITING, STOP, None, "coming up")
+    assert find("DRIVE_FAULT", drive=found) is found
+    assert find("OVERSPEED", overspeed=found) is found
+    assert find("CONTACT", contact=found) is found
+    assert find("CHAIR_LOOSE", chair_loose=found) is found
+    assert find("STEERING_FAULT", steering=found) is found
+    assert find("LATCH_NOT_CLOSED", latch_not_closed=found) is found
 
 
-@pytest.mark.parametrize(
-    ("changes", "level", "detail"),
-    [
-        ({"joint_states_age_s": 0.1}, Level.CLEAR, ""),
-        ({"joint_states_age_s": 0.1001}, Level.PRESENT, "silent for 0.10 s"),
-        ({"joint_states_age_s": 0.2, "joint_states_problem": "junk"}, Level.PRESENT, "junk"),
-        ({"joint_states_age_s": 0.05, "joint_states_problem": "junk"}, Level.CLEAR, ""),
-        ({"joint_states_age_s": 1.0, "uptime_s": 0.0}, Level.PRESENT, "silent for 1.00 s"),
-        ({**NEVER, "uptime_s": GRACE_S}, Level.WAITING, "never received"),
-        ({**NEVER, "uptime_s": GRACE_S + 1e-6}, Level.PRESENT, "never received"),
-        ({**NEVER, "uptime_s": math.inf}, Level.PRESENT, "never received"),
-        *(({**SETTLING, "uptime_s": uptime_s}, Level.WAITING, "settling") for uptime_s in (0.0, GRACE_S, math.inf)),
-    ],
-)
-def test_joint_states(changes: dict[str, Any], level: Level, detail: str) -> None:
-    action = {Level.CLEAR: NONE, Level.WAITING: STOP, Level.PRESENT: EMERGENCY}[level]
-    expected = Finding(level, action, None, f"/joint_states: {detail}" if detail else "")
-    assert find("JOINT_STATES_TIMEOUT", **changes) == expected
+def test_joint_states() -> None:
+    assert find("JOINT_STATES_TIMEOUT", joint_states_age_s=0.1) == CLEAR
+    late = find("JOINT_STATES_TIMEOUT", joint_states_age_s=0.1001)
+    assert late == present(EMERGENCY, "/joint_states: silent for 0.10 s")
+    assert find("JOINT_STATES_TIMEOUT", joint_states_age_s=0.2, joint_states_problem="junk") == present(
+        EMERGENCY, "/joint_states: junk"
+    )
+    assert find("JOINT_STATES_TIMEOUT", joint_states_age_s=0.05, joint_states_problem="junk") == CLEAR
+
+
+def test_joint_states_that_are_not_up_wait_for_the_grace() -> None:
+    never = {"joint_states_up": False, "joint_states_age_s": math.inf}
+    waiting = Finding(Level.WAITING, STOP, None, "/joint_states: never received")
+    assert find("JOINT_STATES_TIMEOUT", uptime_s=PARAMS.startup_grace_s, **never) == waiting
+    after = find("JOINT_STATES_TIMEOUT", uptime_s=PARAMS.startup_grace_s + 1e-6, **never)
+    assert after == present(EMERGENCY, "/joint_states: never received")
+    assert find("JOINT_STATES_TIMEOUT", uptime_s=math.inf, **never).level is Level.PRESENT
+    assert find("JOINT_STATES_TIMEOUT", uptime_s=0.0, joint_states_age_s=1.0).level is Level.PRESENT
+
+
+@pytest.mark.parametrize("uptime_s", [0.0, PARAMS.startup_grace_s, math.inf])
+def test_joint_states_that_have_just_come_settle(uptime_s: float) -> None:
+    settling = find("JOINT_STATES_TIMEOUT", uptime_s=uptime_s, joint_states_up=False, joint_states_age_s=0.1)
+    assert settling == Finding(Level.WAITING, STOP, None, "/joint_states: settling")
 
 
 @pytest.mark.parametrize("active_action", [NONE, EMERGENCY])
@@ -163,6 +167,11 @@ def test_tilt(active_action: SafetyAction) -> None:
     assert find("TILT", active_action, inclination_rad=math.radians(limit_deg)) == CLEAR
     steep = find("TILT", active_action, inclination_rad=math.radians(limit_deg) + 1e-9)
     assert steep == present(EMERGENCY, f"inclination {limit_deg:.1f} deg")
+
+
+def test_slope_condition_returns_the_finding_of_its_watch() -> None:
+    for finding in (CLEAR, UNKNOWN, present(STOP, "inclination 12.0 deg, the motion is not downhill")):
+        assert find("SLOPE", slope=finding) is finding
 
 
 def test_imu() -> None:
@@ -318,30 +327,23 @@ def pedestrian_collision(somebody: PedestrianCollision, moving: Approach = FREE)
     return replace(FREE_WAY, moving=moving, pedestrian_collision=somebody)
 
 
-LIDAR, OVERHEAD, SEEN = "/sensors/lidar/points", "/sensors/overhead_lidar/points", "/perception/obstacles"
-
-
-@pytest.mark.parametrize(
-    ("code", "changes", "detail"),
-    [
-        ("LIDAR_TIMEOUT", {"lidar_age_s": 0.5, "lidar_problem": "frozen"}, ""),
-        ("LIDAR_TIMEOUT", {"lidar_age_s": 0.51}, f"{LIDAR}: silent for 0.51 s"),
-        ("LIDAR_TIMEOUT", {"lidar_age_s": 0.6, "lidar_problem": "frozen"}, f"{LIDAR}: frozen"),
-        ("LIDAR_TIMEOUT", {"overhead_lidar_age_s": 0.3, "overhead_lidar_problem": "frozen"}, ""),
-        ("LIDAR_TIMEOUT", {"overhead_lidar_age_s": 0.31}, f"{OVERHEAD}: silent for 0.31 s"),
-        ("LIDAR_TIMEOUT", {"overhead_lidar_age_s": math.nan}, f"{OVERHEAD}: silent for nan s"),
-        (
-            "LIDAR_TIMEOUT",
-            {"lidar_age_s": 0.6, "overhead_lidar_age_s": 0.6, "overhead_lidar_problem": "frozen"},
-            f"{LIDAR}: silent for 0.60 s, {OVERHEAD}: frozen",
-        ),
-        ("OBSTACLES_TIMEOUT", {"obstacles_age_s": 0.3, "obstacles_problem": "junk"}, ""),
-        ("OBSTACLES_TIMEOUT", {"obstacles_age_s": 0.31}, f"{SEEN}: silent for 0.31 s"),
-        ("OBSTACLES_TIMEOUT", {"obstacles_age_s": math.inf, "obstacles_problem": "junk"}, f"{SEEN}: junk"),
-    ],
-)
-def test_lidar_and_obstacles_that_fall_silent(code: str, changes: dict[str, Any], detail: str) -> None:
-    assert find(code, **changes) == (present(STOP, detail) if detail else CLEAR)
+def test_lidar_and_obstacles_that_fall_silent() -> None:
+    assert find("LIDAR_TIMEOUT", lidar_age_s=0.5, lidar_problem="frozen") == CLEAR
+    assert find("LIDAR_TIMEOUT", lidar_age_s=0.51) == present(STOP, "/sensors/lidar/points: silent for 0.51 s")
+    assert find("LIDAR_TIMEOUT", lidar_age_s=0.6, lidar_problem="frozen") == present(
+        STOP, "/sensors/lidar/points: frozen"
+    )
+    overhead = "/sensors/overhead_lidar/points"
+    assert find("LIDAR_TIMEOUT", overhead_lidar_age_s=0.3, overhead_lidar_problem="frozen") == CLEAR
+    assert find("LIDAR_TIMEOUT", overhead_lidar_age_s=0.31) == present(STOP, f"{overhead}: silent for 0.31 s")
+    assert find("LIDAR_TIMEOUT", overhead_lidar_age_s=math.nan).level is Level.PRESENT
+    both = find("LIDAR_TIMEOUT", lidar_age_s=0.6, overhead_lidar_age_s=0.6, overhead_lidar_problem="frozen")
+    assert both == present(STOP, f"/sensors/lidar/points: silent for 0.60 s, {overhead}: frozen")
+    assert find("OBSTACLES_TIMEOUT", obstacles_age_s=0.3, obstacles_problem="junk") == CLEAR
+    assert find("OBSTACLES_TIMEOUT", obstacles_age_s=0.31) == present(STOP, "/perception/obstacles: silent for 0.31 s")
+    assert find("OBSTACLES_TIMEOUT", obstacles_age_s=math.inf, obstacles_problem="junk") == present(
+        STOP, "/perception/obstacles: junk"
+    )
 
 
 @pytest.mark.parametrize("code", ["COLLISION_IMMINENT", "OBSTACLE_NEAR"])
@@ -374,44 +376,43 @@ def test_collision_imminent(active_action: SafetyAction, seen: CollisionPredicti
     assert find("COLLISION_IMMINENT", active_action, prediction=seen) == expected
 
 
+def near(clearance_m: float, linear_mps: float, angular_radps: float) -> Finding:
+    return Finding(
+        Level.PRESENT,
+        LIMIT,
+        SpeedLimit(linear_mps, pytest.approx(angular_radps)),
+        f"obstacle {clearance_m:.2f} m ahead",
+    )
+
+
 @pytest.mark.parametrize(
-    ("active_action", "seen", "linear_mps", "detail"),
+    ("active_action", "seen", "expected"),
     [
-        (NONE, prediction(Approach(3.0, 1.0)), None, ""),
-        (NONE, prediction(Approach(2.99, 4.0)), 1.6, "obstacle 4.00 m ahead"),
-        (NONE, prediction(Approach(9.0, 0.75)), 0.3, "obstacle 0.75 m ahead"),
-        (NONE, prediction(Approach(9.0, 9.0), Approach(2.9, 0.5)), 0.2, "obstacle 0.50 m ahead"),
-        (NONE, prediction(wanted=Approach(2.9, 4.0)), 1.6, "obstacle 4.00 m ahead"),
-        (NONE, prediction(Approach(0.5, 0.0)), 0.05, "obstacle 0.00 m ahead"),
-        (LIMIT, prediction(Approach(3.3, 1.05)), None, ""),
-        (LIMIT, prediction(Approach(3.29, 4.0)), 1.6, "obstacle 4.00 m ahead"),
-        (LIMIT, prediction(Approach(9.0, 1.04)), 0.41, "obstacle 1.04 m ahead"),
-        (NONE, pedestrian_collision(PedestrianCollision(speed_mps=0.4)), 0.4, "pedestrian approaching"),
+        (NONE, prediction(Approach(3.0, 1.0)), CLEAR),
+        (NONE, prediction(Approach(2.99, 4.0)), near(4.0, 1.6, 3.2)),
+        (NONE, prediction(Approach(9.0, 0.75)), near(0.75, 0.3, 0.6)),
+        (NONE, prediction(Approach(9.0, 9.0), Approach(2.9, 0.5)), near(0.5, 0.2, 0.4)),
+        (NONE, prediction(wanted=Approach(2.9, 4.0)), near(4.0, 1.6, 3.2)),
+        (NONE, prediction(Approach(0.5, 0.0)), near(0.0, 0.05, 0.1)),
+        (LIMIT, prediction(Approach(3.3, 1.05)), CLEAR),
+        (LIMIT, prediction(Approach(3.29, 4.0)), near(4.0, 1.6, 3.2)),
+        (LIMIT, prediction(Approach(9.0, 1.04)), near(1.04, 0.41, 0.82)),
         (
             NONE,
-            pedestrian_collision(PedestrianCollision(speed_mps=0.2), Approach(9.0, 0.75)),
-            0.2,
-            "obstacle 0.75 m ahead",
+            pedestrian_collision(PedestrianCollision(speed_mps=0.4)),
+            present(LIMIT, "pedestrian approaching", SpeedLimit(0.4, pytest.approx(0.8))),
         ),
-        (
-            NONE,
-            pedestrian_collision(PedestrianCollision(speed_mps=0.4), Approach(9.0, 0.75)),
-            0.3,
-            "obstacle 0.75 m ahead",
-        ),
+        (NONE, pedestrian_collision(PedestrianCollision(speed_mps=0.2), Approach(9.0, 0.75)), near(0.75, 0.2, 0.4)),
+        (NONE, pedestrian_collision(PedestrianCollision(speed_mps=0.4), Approach(9.0, 0.75)), near(0.75, 0.3, 0.6)),
     ],
 )
-def test_obstacle_near(
-    active_action: SafetyAction, seen: CollisionPrediction, linear_mps: float | None, detail: str
-) -> None:
+def test_obstacle_near(active_action: SafetyAction, seen: CollisionPrediction, expected: Finding) -> None:
     found = find("OBSTACLE_NEAR", active_action, prediction=seen)
-    if linear_mps is None:
-        assert found == CLEAR
-        return
-    assert (found.level, found.action, found.detail) == (Level.PRESENT, LIMIT, detail)
-    assert found.limit is not None
-    assert found.limit.linear_mps == pytest.approx(linear_mps)
-    assert found.limit.angular_radps == pytest.approx(linear_mps / seen.reach_m)
+    assert (found.level, found.action, found.detail) == (expected.level, expected.action, expected.detail)
+    assert (found.limit is None) == (expected.limit is None)
+    if found.limit is not None and expected.limit is not None:
+        assert found.limit.linear_mps == pytest.approx(expected.limit.linear_mps)
+        assert found.limit.angular_radps == expected.limit.angular_radps
 
 
 def test_speed_limit_stops_within_the_seen_path() -> None:
@@ -442,6 +443,12 @@ def test_speed_limit_stops_at_the_end_of_known_ground() -> None:
         assert found.angular_radps == pytest.approx(2.0 * linear_mps)
 
 
+def test_without_obstacles_no_unseen_limit_applies() -> None:
+    rows = tuple(code for code in PARAMS.rows if code != "OBSTACLES_TIMEOUT")
+    ends = replace(FREE_WAY, unseen=Approach(1.0, 1.5))
+    assert unseen_limit(replace(WELL, prediction=ends), PARAMS.model_copy(update={"rows": rows})) is None
+
+
 SIGHT_STALE_S, UNSEEN_MPS = PARAMS.obstacles.sight_stale_s, PARAMS.collision.unseen_mps
 
 
@@ -466,11 +473,9 @@ def test_while_sight_is_stale_a_fast_robot_stops_and_a_slow_one_stays_slow(measu
         assert stale_sight_limit(replace(now, sight_age_s=age_s), PARAMS) == limit
 
 
-def test_without_obstacles_no_limit_of_sight_applies() -> None:
+def test_without_obstacles_sight_is_never_stale() -> None:
     blind = replace(WELL, sight_age_s=math.inf, prediction=None)
     assert stale_sight_limit(blind, PARAMS) is None
     rows = tuple(code for code in PARAMS.rows if code != "OBSTACLES_TIMEOUT")
-    unwatched = PARAMS.model_copy(update={"rows": rows})
-    assert stale_sight_limit(replace(WELL, sight_age_s=1.0), unwatched) is None
-    ends = replace(FREE_WAY, unseen=Approach(1.0, 1.5))
-    assert unseen_limit(replace(WELL, prediction=ends), unwatched) is None
+    late = replace(WELL, sight_age_s=1.0)
+    assert stale_sight_limit(late, PARAMS.model_copy(update={"rows": rows})) is None

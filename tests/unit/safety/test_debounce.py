@@ -12,23 +12,31 @@ DEBOUNCE_S = 0.010
 
 
 @pytest.mark.parametrize("raw", [True, False])
-def test_a_state_counts_once_ten_milliseconds_agree(raw: bool) -> None:
+def test_unknown_until_ten_milliseconds_agree(raw: bool) -> None:
     contact = Debounce(DEBOUNCE_S)
-    state: bool | None = None
-    for begun_s, value in ((1.0, raw), (2.0, not raw), (2.02, raw)):
-        assert not contact.update(value, begun_s)
-        assert not contact.update(value, begun_s + 0.0099)
-        assert contact.state is state
-        assert contact.update(value, begun_s + 0.0101)
-        assert contact.state is value
-        state = value
-    assert not contact.update(raw, 2.5)
+    assert contact.state is None
+    assert not contact.update(raw, 1.000)
+    assert not contact.update(raw, 1.0099)
+    assert contact.state is None
+    assert contact.update(raw, 1.0101)
+    assert contact.state is raw
+    assert not contact.update(raw, 1.5)
 
 
 def test_exactly_the_debounce_time_is_enough() -> None:
     contact = Debounce(0.5)
     contact.update(False, 1.0)
     assert contact.update(False, 1.5)
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_a_change_takes_the_same_time(before: bool) -> None:
+    contact = _settled(before)
+    assert not contact.update(not before, 2.0)
+    assert not contact.update(not before, 2.009)
+    assert contact.state is before
+    assert contact.update(not before, 2.011)
+    assert contact.state is not before
 
 
 def test_bouncing_starts_the_time_again() -> None:
@@ -38,6 +46,15 @@ def test_bouncing_starts_the_time_again() -> None:
     assert not contact.update(True, 2.009)
     assert not contact.update(True, 2.018)
     assert contact.update(True, 2.0195)
+
+
+def test_a_change_starts_the_next_time_at_zero() -> None:
+    contact = _settled(False)
+    contact.update(True, 2.0)
+    assert contact.update(True, 2.02)
+    assert not contact.update(False, 2.021)
+    assert contact.state is True
+    assert contact.update(False, 2.032)
 
 
 @pytest.mark.parametrize("back_s", [0.0, 1.5])

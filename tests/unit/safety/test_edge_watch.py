@@ -36,19 +36,24 @@ def status(sides: tuple[str, ...], relay_open: bool, state: EngineState = Engine
     return dataclasses.replace(empty_snapshot(8), engine_state=state, inputs=inputs)
 
 
-@pytest.mark.parametrize(
-    ("sides", "relay_open"),
-    [((), False), ((), True), *(((side,), False) for side in SIDES), (SIDES, True)],  # all zero: the wires are cut
-)
+@pytest.mark.parametrize("relay_open", [False, True])
+@pytest.mark.parametrize("sides", [(), *((side,) for side in SIDES), SIDES])
 def test_inputs_are_read_side_by_side(sides: tuple[str, ...], relay_open: bool) -> None:
     reading = drive_reading(status(sides, relay_open), Contact.RELEASED, ROBOT.latch, EDGE).edge
     assert reading == EdgeReading(sides, relay_open)
     assert reading.pressed == (bool(sides) or relay_open)
 
 
-def test_inputs_of_an_engine_that_does_not_communicate_cannot_be_read() -> None:
-    engine = status((), False, EngineState.Running)
-    assert drive_reading(engine, Contact.RELEASED, ROBOT.latch, EDGE).edge is None
+def test_inputs_that_are_all_zero_read_as_pressed_on_every_side() -> None:
+    """The wires are cut, or the terminal has no supply."""
+    assert EDGE is not None
+    nothing = dataclasses.replace(status((), False), inputs=np.zeros(EDGE.byte + 1, np.uint8))
+    assert drive_reading(nothing, Contact.RELEASED, ROBOT.latch, EDGE).edge == EdgeReading(SIDES, relay_open=True)
+
+
+@pytest.mark.parametrize("state", [state for state in EngineState if state is not EngineState.Communicating])
+def test_inputs_of_an_engine_that_does_not_communicate_cannot_be_read(state: EngineState) -> None:
+    assert drive_reading(status((), False, state), Contact.RELEASED, ROBOT.latch, EDGE).edge is None
 
 
 def test_a_robot_without_an_edge_has_no_reading_and_no_contact() -> None:
@@ -85,26 +90,24 @@ def test_inputs_that_cannot_be_read_neither_raise_nor_clear() -> None:
     assert watch.judge().level is Level.PRESENT
 
 
-@pytest.mark.parametrize(
-    ("readings", "free"),
-    [
-        # Times that binary floating point represents exactly; the debounce time is 0.25 s.
-        ([(FREE, 1.5), (FREE, 1.625)], False),
-        ([(FREE, 1.5), (FREE, 1.75)], True),
-        ([(FREE, 1.5), (None, 1.625), (FREE, 1.75)], False),
-        ([(FREE, 1.5), (None, 1.625), (FREE, 1.75), (FREE, 2.0)], True),
-        ([(FREE, 6.0), (FREE, 1.5)], False),
-        ([(FREE, 6.0), (FREE, float("nan"))], False),
-    ],
-)
-def test_free_counts_after_the_debounce_without_a_break(
-    readings: list[tuple[EdgeReading | None, float]], free: bool
-) -> None:
-    watch = EdgeWatch(fitted=True, debounce_s=0.25)
+def test_free_counts_after_the_debounce_without_a_break() -> None:
+    watch = EdgeWatch(fitted=True, debounce_s=DEBOUNCE_S)
     watch.received(FRONT, 1.0)
-    for reading, now_s in readings:
-        watch.received(reading, now_s)
-    assert (watch.judge() == CLEAR) is free
+    watch.received(FREE, 1.01)
+    watch.received(None, 1.012)
+    watch.received(FREE, 1.014)
+    watch.received(FREE, 1.0235)
+    assert watch.judge().level is Level.PRESENT
+    watch.received(FREE, 1.0241)
+    assert watch.judge() == CLEAR
+
+
+def test_time_that_runs_backwards_frees_nothing() -> None:
+    watch = EdgeWatch(fitted=True, debounce_s=DEBOUNCE_S)
+    watch.received(FRONT, 5.0)
+    for now_s in (6.0, 1.0, float("nan")):
+        watch.received(FREE, now_s)
+        assert watch.judge().level is Level.PRESENT
 
 
 def test_a_contact_is_an_emergency_until_the_edge_is_free_and_reset() -> None:
@@ -132,14 +135,29 @@ def test_no_request_moves_the_robot_while_an_edge_is_pressed() -> None:
         story.run(0.1).expect(EMERGENCY, ("CONTACT",), linear_mps=0.0, reason="CONTACT")
 
 
-def test_a_contact_outlives_a_restart_of_the_monitor_and_counts_from_its_first_step() -> None:
+def test_a_second_side_is_named_and_blocks_the_reset() -> None:
+    story = Story().healthy()
+    story.edge = FRONT
+    story.tick()
+    story.edge = EdgeReading(("rear",), relay_open=True)
+    story.run(1.0)
+    assert story.reset().message == "refused: CONTACT: safety edge pressed: rear: remove the contact"
+
+
+def test_a_contact_outlives_a_restart_of_the_monitor() -> None:
+    story = Story().healthy()
+    story.edge = FRONT
+    story.tick()
+    after = story.restarted().run(3.0).expect(EMERGENCY, ("CONTACT",))
+    assert after.reset().success, "free and at standstill"
+
+
+def test_an_edge_that_is_pressed_at_the_start_is_an_emergency() -> None:
     story = Story()
     story.edge = FRONT
     story.tick()
     assert "CONTACT" in story.verdict.faults
     assert story.verdict.state is EMERGENCY
-    after = story.restarted().run(3.0).expect(EMERGENCY, ("CONTACT",))
-    assert after.reset().success, "free and at standstill"
 
 
 def test_an_edge_that_cannot_be_read_is_a_fault_of_the_drives() -> None:
@@ -153,3 +171,13 @@ def test_an_edge_that_cannot_be_read_is_a_fault_of_the_drives() -> None:
     story.edge = None
     story.run(1.0)
     assert "CONTACT: safety edge pressed: front" in story.reset().message
+
+
+def test_the_contact_ends_exactly_after_the_debounce_time() -> None:
+    watch = EdgeWatch(fitted=True, debounce_s=0.25)  # a sum of powers of two: no rounding
+    watch.received(FRONT, 1.0)
+    watch.received(FREE, 1.5)
+    watch.received(FREE, 1.625)
+    assert watch.judge().level is Level.PRESENT
+    watch.received(FREE, 1.75)
+    assert watch.judge() == CLEAR

@@ -63,6 +63,12 @@ def disk(tmp_path: Path) -> Disk:
     return Disk(tmp_path)
 
 
+@pytest.mark.parametrize("memory", [Memory(), LATCHED, Memory(("DRIVE_FAULT",), False), Memory((), True)])
+def test_round_trip(disk: Disk, memory: Memory) -> None:
+    disk.saved(memory)
+    assert disk.load() == memory
+
+
 def test_first_start_has_an_empty_memory_and_writes_both_copies(disk: Disk) -> None:
     store = disk.store()
     assert store.load() == Memory()
@@ -73,17 +79,25 @@ def test_first_start_has_an_empty_memory_and_writes_both_copies(disk: Disk) -> N
     assert disk.witness.read_bytes() == b""
 
 
-def test_only_the_first_and_a_changed_memory_are_saved(disk: Disk) -> None:
-    disk.saved(LATCHED)
+def test_only_changed_memory_is_saved(disk: Disk) -> None:
     store = disk.store()
-    disk.shadow.unlink()
-    store.save_if_new(LATCHED)
-    assert disk.shadow.exists()
+    store.save(LATCHED)
     disk.shadow.unlink()
     store.save_if_new(LATCHED)
     assert not disk.shadow.exists()
-    store.save_if_new(Memory((), True))
-    assert disk.load() == Memory((), True)
+    store.save_if_new(Memory())
+    assert disk.load() == Memory()
+
+
+def test_first_memory_is_always_saved(disk: Disk) -> None:
+    disk.saved(LATCHED)
+    disk.shadow.unlink()
+    disk.store().save_if_new(LATCHED)
+    assert disk.shadow.exists()
+
+
+def test_an_unknown_past_is_an_emergency_with_a_passenger() -> None:
+    assert Memory(("ESTOP_PRESSED",), True) == UNKNOWN_PAST
 
 
 def test_missing_shadow_copy_keeps_the_latch(disk: Disk) -> None:
@@ -115,9 +129,12 @@ def test_one_copy_that_broke_while_it_was_written_is_a_stop(disk: Disk, name: st
     disk.shadow.unlink()
     (disk.folder / name).write_bytes(b"{" * 100)
     assert disk.load() == Memory(("ESTOP_PRESSED",), True)
+
+
+def test_a_broken_copy_adds_no_second_stop(disk: Disk) -> None:
     disk.saved(LATCHED)
-    (disk.folder / name).write_bytes(b"")
-    assert disk.load() == LATCHED, "no second stop"
+    (disk.folder / COPIES[0]).write_bytes(b"")
+    assert disk.load() == LATCHED
 
 
 def test_the_newest_of_several_counts(disk: Disk) -> None:
@@ -134,16 +151,8 @@ def test_store_continues_the_sequence_number(disk: Disk) -> None:
     assert decode((disk.folder / COPIES[0]).read_bytes()).generation == 3
 
 
-@pytest.mark.parametrize("broken", ["gone", "nonsense", "unreadable", "folder"])
-def test_unreadable_copies_are_an_unknown_past(disk: Disk, broken: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def refuse(*_: Any, **__: Any) -> Any:
-        raise PermissionError("no")
-
-    assert Memory(("ESTOP_PRESSED",), True) == UNKNOWN_PAST
-    if broken == "folder":
-        monkeypatch.setattr(Path, "lstat", refuse)
-        assert disk.load() == UNKNOWN_PAST, "no first start"
-        return
+@pytest.mark.parametrize("broken", ["gone", "nonsense", "unreadable"])
+def test_unreadable_copies_are_an_unknown_past(disk: Disk, broken: str) -> None:
     disk.saved(Memory())
     disk.shadow.unlink()
     for name in COPIES:
@@ -155,37 +164,49 @@ def test_unreadable_copies_are_an_unknown_past(disk: Disk, broken: str, monkeypa
     assert disk.load() == UNKNOWN_PAST
 
 
-def test_a_state_folder_that_was_deleted_is_no_first_start(disk: Disk) -> None:
+def test_a_state_folder_that_is_lost_while_the_memory_is_there_is_no_first_start(disk: Disk) -> None:
     disk.saved(LATCHED)
-    disk.witness.unlink()
-    disk.saved(LATCHED)
-    assert disk.witness.exists(), "a record of before the witness makes it"
     shutil.rmtree(disk.folder)
-    assert disk.load() == LATCHED, "the copy in the runtime folder is still there"
+    assert disk.load() == LATCHED
     disk.shadow.write_bytes(b"")
     assert disk.load() == UNKNOWN_PAST
+
+
+def test_a_state_folder_that_was_deleted_is_no_first_start(disk: Disk) -> None:
+    disk.saved(LATCHED)
+    shutil.rmtree(disk.folder)
     disk.shadow.unlink()
     assert disk.load() == UNKNOWN_PAST
     disk.witness.unlink()
     assert disk.load() == Memory()
 
 
+def test_a_record_of_before_the_witness_makes_it(disk: Disk) -> None:
+    disk.saved(LATCHED)
+    disk.witness.unlink()
+    store = disk.store()
+    store.save(store.load())
+    disk.worker.finish()
+    assert disk.witness.exists()
+
+
 FORGED = encode(Record(99, Memory()))
 
 
-@pytest.mark.parametrize("how", ["group writes", "others write", "folder", "link"])
-def test_a_copy_that_another_user_may_write_is_damaged(disk: Disk, tmp_path: Path, how: str) -> None:
+@pytest.mark.parametrize("mode", [0o620, 0o602, 0o666])
+def test_a_copy_that_another_user_may_write_is_damaged(disk: Disk, mode: int) -> None:
     disk.saved(Memory(("TILT",), True))
     disk.shadow.write_bytes(FORGED)
-    if how == "folder":
-        disk.shadow.parent.chmod(0o777)
-    elif how == "link":
-        disk.shadow.rename(tmp_path / "forged")
-        disk.shadow.symlink_to(tmp_path / "forged")
-    else:
-        disk.shadow.chmod(0o620 if how == "group writes" else 0o602)
-        with pytest.raises(ValueError, match=r"^another user may have written it$"):
-            latch_store._read_own(disk.shadow)
+    disk.shadow.chmod(mode)
+    assert disk.load() == Memory(("TILT", "ESTOP_PRESSED"), True)
+    with pytest.raises(ValueError, match=r"^another user may have written it$"):
+        latch_store._read_own(disk.shadow)
+
+
+def test_a_copy_in_a_folder_where_another_user_may_replace_it_is_damaged(disk: Disk) -> None:
+    disk.saved(Memory(("TILT",), True))
+    disk.shadow.write_bytes(FORGED)
+    disk.shadow.parent.chmod(0o777)
     assert disk.load() == Memory(("TILT", "ESTOP_PRESSED"), True)
 
 
@@ -198,8 +219,24 @@ def test_a_copy_of_another_user_is_damaged(disk: Disk, monkeypatch: pytest.Monke
     assert disk.load() == Memory(("TILT", "ESTOP_PRESSED"), True)
 
 
-ABSENT = object()
-GOOD: dict[str, Any] = {"generation": 1, "latched": ["TILT"], "passenger": False, "presses": []}
+def test_a_link_is_no_copy(disk: Disk, tmp_path: Path) -> None:
+    disk.saved(Memory(("TILT",), True))
+    forged = tmp_path / "forged"
+    forged.write_bytes(FORGED)
+    disk.shadow.unlink()
+    disk.shadow.symlink_to(forged)
+    assert disk.load() == Memory(("TILT", "ESTOP_PRESSED"), True)
+
+
+def test_unreadable_folder_is_no_first_start(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: Any, **__: Any) -> Any:
+        raise PermissionError("no")
+
+    monkeypatch.setattr(Path, "lstat", refuse)
+    assert disk.load() == UNKNOWN_PAST
+
+
+GOOD = {"generation": 1, "latched": ["TILT"], "passenger": False, "presses": []}
 
 
 @pytest.mark.parametrize(
@@ -207,21 +244,21 @@ GOOD: dict[str, Any] = {"generation": 1, "latched": ["TILT"], "passenger": False
     [
         {"generation": "1"},
         {"latched": "TILT"},
+        {"latched": None},
         {"latched": ["NO_SUCH_FAULT"]},
         {"latched": [["TILT"]]},
         {"passenger": 0},
+        {"passenger": None},
         {"presses": [["a"]]},
         {"presses": [[1, 2]]},
         {"presses": [["a", "b"]]},
         {"presses": None},
-        *({name: ABSENT} for name in GOOD),
     ],
 )
 def test_inconsistent_record_is_rejected(changes: dict[str, Any]) -> None:
     assert decode(_signed(GOOD)).memory == Memory(("TILT",))
-    data = {key: value for key, value in (GOOD | changes).items() if value is not ABSENT}
     with pytest.raises(ValueError, match="it is inconsistent"):
-        decode(_signed(data))
+        decode(_signed({**GOOD, **changes}))
 
 
 def test_problem_of_a_record_is_reported() -> None:
@@ -232,22 +269,23 @@ def test_problem_of_a_record_is_reported() -> None:
         decode(_signed({**GOOD, "generation": "1"}))
     with pytest.raises(ValueError, match=r"\('wrong values'\)$"):
         decode(_signed({**GOOD, "passenger": 0}))
-    with pytest.raises(ValueError, match="it is inconsistent"):
-        decode(_signed([]))
 
 
-MANY = Memory(presses=tuple(Press(f"source {index}", index) for index in range(300)))
-
-
-def test_remains_of_a_longer_record_are_not_read(disk: Disk) -> None:
-    """Power fails after the write and before the file is truncated. A record fills whole blocks."""
-    long, short = encode(Record(1, MANY)), encode(Record(2, LATCHED))
-    assert (len(short), len(long) % 4096, decode(long).memory) == (4096, 0, MANY)
-    left = long[len(short) :]
+def test_remains_of_a_longer_record_are_not_read() -> None:
+    """Power fails after the write and before the file is truncated."""
+    many = Memory(presses=tuple(Press(f"source {index}", index) for index in range(300)))
+    short = encode(Record(2, LATCHED))
+    left = encode(Record(1, many))[len(short) :]
     assert b"\n" in left
     assert decode(short + left) == Record(2, LATCHED)
-    disk.saved(MANY, Memory())
-    assert (disk.folder / COPIES[0]).stat().st_size == 4096
+
+
+def test_a_record_that_lacks_something_is_none() -> None:
+    for name in GOOD:
+        with pytest.raises(ValueError, match="it is inconsistent"):
+            decode(_signed({key: value for key, value in GOOD.items() if key != name}))
+    with pytest.raises(ValueError, match="it is inconsistent"):
+        decode(_signed([]))
 
 
 def test_every_changed_byte_shows() -> None:
@@ -263,6 +301,19 @@ def test_every_changed_byte_shows() -> None:
     for end in range(used):
         with pytest.raises(ValueError):  # noqa: PT011 - any kind of damage
             decode(data[:end])
+
+
+def test_a_record_fills_whole_blocks() -> None:
+    assert len(encode(Record(1, Memory()))) == 4096
+    many = Memory(presses=tuple(Press(f"source {index}", index) for index in range(300)))
+    assert len(encode(Record(1, many))) % 4096 == 0
+    assert decode(encode(Record(1, many))).memory == many
+
+
+def test_a_shorter_record_overwrites_a_longer_one(disk: Disk) -> None:
+    many = Memory(presses=tuple(Press(f"source {index}", index) for index in range(300)))
+    disk.saved(many, Memory())
+    assert (disk.folder / COPIES[0]).stat().st_size == 4096
 
 
 def _signed(data: Any) -> bytes:
@@ -292,41 +343,62 @@ def test_failing_disk_is_reported_until_it_recovers(disk: Disk, monkeypatch: pyt
 
 def test_hanging_disk_is_reported_since_the_first_pending_record(disk: Disk) -> None:
     store = disk.store(slow_s=30.0)
-    for begun_s in (1000.0, 5000.0):  # each time from the beginning
-        disk.now_s = begun_s
-        assert store.problem() == ""
+    assert store.problem() == ""
+    store.save(LATCHED)
+    disk.worker.start()
+    assert store.problem() == ""
+    disk.now_s = 1020.0
+    store.save(Memory())
+    disk.now_s = 1030.0
+    assert store.problem() == ""
+    disk.now_s = 1031.0
+    assert store.problem() == "not written for 31 s"
+    disk.worker.deliver()
+    assert store.problem() == "not written for 31 s", "the second record waits"
+    disk.worker.finish()
+    assert store.problem() == ""
+    disk.now_s = 5000.0
+    assert store.problem() == ""
+
+
+def test_each_record_has_its_own_time_to_get_to_the_disk(disk: Disk) -> None:
+    store = disk.store(slow_s=30.0)
+    store.load()
+    for now_s in (1000.0, 2000.0):
+        disk.now_s = now_s
         store.save(LATCHED)
-        disk.worker.start()
+        disk.now_s = now_s + 30.0
         assert store.problem() == ""
-        disk.now_s = begun_s + 20.0
-        store.save(Memory())
-        disk.now_s = begun_s + 30.0
-        assert store.problem() == ""
-        disk.now_s = begun_s + 31.0
+        disk.now_s = now_s + 31.0
         assert store.problem() == "not written for 31 s"
-        disk.worker.deliver()
-        assert store.problem() == "not written for 31 s", "the second record waits"
         disk.worker.finish()
-        assert store.problem() == ""
 
 
-@pytest.mark.parametrize("fails", [False, True])
-def test_record_during_a_write_is_written_next(disk: Disk, monkeypatch: pytest.MonkeyPatch, fails: bool) -> None:
+def test_record_during_a_write_is_written_next(disk: Disk) -> None:
+    store = disk.saved(Memory())
+    store.save(Memory((), True))
+    disk.worker.start()
+    for _ in range(3):
+        store.save(LATCHED)
+    assert disk.copies() == [Memory((), True)] * 2
+    disk.worker.deliver()
+    disk.worker.step()
+    assert disk.copies() == [LATCHED, LATCHED]
+    assert not disk.worker.busy, "the newest record is written once"
+
+
+def test_record_during_a_failing_write_is_written_next(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
     store = disk.saved(Memory())
     with monkeypatch.context() as patch:
-        if fails:
-            patch.setattr(latch_store, "_write_through", _full)
+        patch.setattr(latch_store, "_write_through", _full)
         store.save(Memory((), True))
         disk.worker.start()
-        for _ in range(3):
-            store.save(LATCHED)
-        assert disk.copies() == [Memory() if fails else Memory((), True)] * 2
+        store.save(LATCHED)
         disk.worker.deliver()
-        assert ("No space left" in store.problem()) is fails
+        assert "No space left" in store.problem()
     disk.worker.step()
     assert store.problem() == ""
     assert disk.copies() == [LATCHED, LATCHED]
-    assert not disk.worker.busy, "the newest record is written once"
 
 
 def test_failing_disk_is_retried_after_a_pause(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -379,22 +451,22 @@ def test_latch_file_is_private_to_its_user(disk: Disk) -> None:
     assert [stat.S_IMODE(copy.stat().st_mode) for copy in copies] == [0o600] * 3
 
 
-@pytest.mark.parametrize("folders", [True, False])
-def test_a_new_copy_s_name_is_on_the_disk_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folders: bool) -> None:
-    """Where the file system can do that."""
+def test_a_new_copy_s_name_is_on_the_disk_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     synced: list[int] = []
-
-    def sync(descriptor: int) -> None:
-        status = os.fstat(descriptor)
-        if stat.S_ISDIR(status.st_mode) and not folders:
-            raise OSError(22, "Invalid argument")
-        synced.append(status.st_ino)
-
-    monkeypatch.setattr(os, "fsync", sync)
+    monkeypatch.setattr(os, "fsync", lambda descriptor: synced.append(os.fstat(descriptor).st_ino))
     copy = tmp_path / "copy"
     latch_store._write_through(copy, b"data")
-    assert synced == [copy.stat().st_ino, *([tmp_path.stat().st_ino] if folders else [])]
-    assert copy.read_bytes() == b"data"
+    assert synced == [copy.stat().st_ino, tmp_path.stat().st_ino]
+
+
+def test_a_file_system_that_syncs_no_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def files_only(descriptor: int) -> None:
+        if stat.S_ISDIR(os.fstat(descriptor).st_mode):
+            raise OSError(22, "Invalid argument")
+
+    monkeypatch.setattr(os, "fsync", files_only)
+    latch_store._write_through(tmp_path / "copy", b"data")
+    assert (tmp_path / "copy").read_bytes() == b"data"
 
 
 def test_failing_runtime_folder_is_reported(disk: Disk) -> None:
@@ -425,7 +497,7 @@ def test_a_copy_is_overwritten_in_place_and_to_the_disk(disk: Disk, monkeypatch:
     assert synced == inodes == [(disk.folder / name).stat().st_ino for name in COPIES]
 
 
-def test_last_record_is_written_at_the_end(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_last_record_is_written_at_the_end(disk: Disk) -> None:
     store = disk.store()
     store.save(LATCHED)
     disk.worker.start()
@@ -433,13 +505,19 @@ def test_last_record_is_written_at_the_end(disk: Disk, monkeypatch: pytest.Monke
     store.close()
     assert disk.worker.closed
     assert disk.copies() == [Memory((), True)] * 2
-    store = disk.saved(Memory())
+
+
+def test_failed_write_is_retried_at_the_end(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = disk.store()
     with monkeypatch.context() as patch:
         patch.setattr(latch_store, "_write_through", _full)
         store.save(LATCHED)
         disk.worker.step()
     store.close()
-    assert disk.copies() == [LATCHED, LATCHED], "a failed write is tried again"
+    assert disk.copies() == [LATCHED, LATCHED]
+
+
+def test_stored_record_is_not_rewritten_at_the_end(disk: Disk, monkeypatch: pytest.MonkeyPatch) -> None:
     store = disk.saved(LATCHED)
     monkeypatch.setattr(latch_store, "_write_through", lambda *_: pytest.fail("written again"))
     store.close()

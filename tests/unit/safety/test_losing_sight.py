@@ -33,6 +33,14 @@ def riding() -> Story:
     return story
 
 
+@pytest.mark.parametrize(("sensor", "row"), [("sweep", "LIDAR_TIMEOUT"), ("overhead", "LIDAR_TIMEOUT")])
+def test_a_lidar_that_falls_silent_is_a_hard_stop(sensor: str, row: str) -> None:
+    story = riding()
+    setattr(story, sensor, None)
+    story.run(0.6).expect(DEGRADED, (row,), linear_mps=0.0)
+    assert story.verdict.limit.is_hard_stop()
+
+
 def test_stale_sight_brakes_hard_before_the_row_is_raised() -> None:
     story = riding()
     story.obstacles = None  # the newest cloud has just arrived
@@ -110,7 +118,16 @@ def test_without_perception_the_robot_brakes_hard_and_its_last_map_is_judged_unt
     assert math.isnan(story.monitor.nearest_obstacle_m)
 
 
-@pytest.mark.parametrize("before_m", [0.25, 0.75])
+def test_obstacles_never_received_raise_no_stale_sight() -> None:
+    story = Story()
+    story.obstacles = None
+    story.driven = RIDE
+    story.wheel_radps = RIDE.vx / ROBOT.wheel_radius_m
+    story.run(1.0)
+    assert math.isnan(story.monitor.nearest_obstacle_m)
+
+
+@pytest.mark.parametrize("before_m", [0.25, 0.5, 0.75])
 def test_assumed_chair_hides_no_obstacle(before_m: float) -> None:
     story = Story().healthy()
     story.monitor.observation.chair.stated(LatchStatement(attached=False, undocking=False), story.now_s)

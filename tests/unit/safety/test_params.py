@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from pydantic import ValidationError
 
-from robot_stack.contract import topics
+from robot_stack.contract import faults, topics
+from robot_stack.safety.conditions import CONDITIONS
+from robot_stack.safety.params import SafetyParams
 from tests.unit.safety.story import PARAMS, params
 
 NUMBERS = [name for name, value in PARAMS.model_dump().items() if isinstance(value, float)]
+
+
+def test_the_shipped_rows_are_all_that_have_a_condition() -> None:
+    assert set(PARAMS.rows) == set(CONDITIONS)
 
 
 def test_the_shipped_numbers_are_the_documented_ones() -> None:
@@ -23,33 +30,51 @@ def test_the_shipped_numbers_are_the_documented_ones() -> None:
 
 
 @pytest.mark.parametrize("name", NUMBERS)
-@pytest.mark.parametrize("bad", [math.nan, -1.0])
-def test_a_bad_number_is_refused_by_name(name: str, bad: float) -> None:
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -1.0, "fast", None])
+def test_a_bad_number_is_refused_by_name(name: str, bad: Any) -> None:
     with pytest.raises(ValidationError) as error:
         params(**{name: bad})
     assert name in str(error.value)
 
 
-@pytest.mark.parametrize("bad", [0.0, topics.OBSTACLES.stale_limit_s])
+@pytest.mark.parametrize("name", NUMBERS)
+def test_a_missing_number_is_refused(name: str) -> None:
+    values = PARAMS.model_dump()
+    del values[name]
+    with pytest.raises(ValidationError, match=name):
+        SafetyParams(**values)
+
+
+@pytest.mark.parametrize("bad", [0.0, -0.1, math.nan, math.inf, topics.OBSTACLES.stale_limit_s])
 def test_sight_is_stale_before_its_row_is_raised(bad: float) -> None:
     with pytest.raises(ValidationError, match="sight_stale_s"):
         params(obstacles={**PARAMS.obstacles.model_dump(), "sight_stale_s": bad})
 
 
 @pytest.mark.parametrize(
-    ("field", "names", "complaint"),
+    ("rows", "complaint"),
     [
-        ("rows", ("ESTOP_PRESSED", "NO_SUCH"), "NO_SUCH is not a fault of the contract"),
-        ("rows", ("TILT",), "ESTOP_PRESSED must be among the rows"),
-        ("rows", ("ESTOP_PRESSED", "TILT", "TILT"), "TILT is listed twice"),
-        ("expected_processes", ("nobody",), "nobody is not a process of the contract"),
-        ("expected_processes", ("safety_monitor",), "safety_monitor cannot watch itself"),
-        ("expected_processes", ("ndt_localization", "ndt_localization"), "ndt_localization is listed twice"),
+        (("ESTOP_PRESSED", "NO_SUCH"), "NO_SUCH is not a fault of the contract"),
+        (("TILT",), "ESTOP_PRESSED must be among the rows"),
+        (("ESTOP_PRESSED", "TILT", "TILT"), "TILT is listed twice"),
     ],
 )
-def test_rows_and_processes_that_cannot_be(field: str, names: tuple[str, ...], complaint: str) -> None:
+def test_rows_that_cannot_be(rows: tuple[str, ...], complaint: str) -> None:
     with pytest.raises(ValidationError, match=complaint):
-        params(**{field: names})
+        params(rows=rows)
+
+
+@pytest.mark.parametrize(
+    ("names", "complaint"),
+    [
+        (("nobody",), "nobody is not a process of the contract"),
+        (("safety_monitor",), "safety_monitor cannot watch itself"),
+        (("ndt_localization", "ndt_localization"), "ndt_localization is listed twice"),
+    ],
+)
+def test_processes_that_cannot_be(names: tuple[str, ...], complaint: str) -> None:
+    with pytest.raises(ValidationError, match=complaint):
+        params(expected_processes=names)
 
 
 @pytest.mark.parametrize(
@@ -76,6 +101,10 @@ def test_rows_and_processes_that_cannot_be(field: str, names: tuple[str, ...], c
 def test_limits_out_of_order(changes: dict[str, float], complaint: str) -> None:
     with pytest.raises(ValidationError, match=complaint):
         params(**changes)
+
+
+def test_every_condition_is_a_row_of_the_contract() -> None:
+    assert set(CONDITIONS) <= set(faults.BY_CODE)
 
 
 def test_fewer_rows_and_processes_are_fine() -> None:

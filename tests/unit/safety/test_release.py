@@ -13,12 +13,24 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from robot_stack.contract.model import SafetyState
 from robot_stack.core.stop_presence import Presence
 from robot_stack.safety.monitor import Memory, ResetAnswer
-from tests.unit.safety.story import PARAMS, ROBOT, TICK_S, Story
+from tests.unit.safety.story import GOOD_AXIS, PARAMS, ROBOT, TICK_S, Story, replace
 
 EMERGENCY, NORMAL = SafetyState.EMERGENCY_STOP, SafetyState.NORMAL
 STANDSTILL_RADPS = PARAMS.standstill_mps / ROBOT.wheel_radius_m
 NOT_STILL = "the robot is not at standstill (every wheel below 0.05 m/s for 0.3 s, by fresh /joint_states)"
 STILL_TRUE = "ESTOP_PRESSED: pressed by touch_ui"
+
+
+def test_reset_without_a_latched_fault_is_refused() -> None:
+    story = Story().healthy()
+    assert story.reset() == ResetAnswer(True, "no emergency stop is latched")
+    story.expect(NORMAL, ())
+
+
+def test_pressed() -> None:
+    story = Story().healthy().estop(True).run(1.0)
+    assert story.reset() == ResetAnswer(False, f"refused: {STILL_TRUE}")
+    story.expect(EMERGENCY)
 
 
 def test_false_of_another_source_does_not_release() -> None:
@@ -27,6 +39,18 @@ def test_false_of_another_source_does_not_release() -> None:
     story.estop(False, None).run(1.0)
     assert story.reset() == ResetAnswer(False, f"refused: {STILL_TRUE}")
     story.estop(False).run(1.0)
+    assert story.reset().success
+
+
+def test_press_shorter_than_a_tick_latches() -> None:
+    story = Story().healthy()
+    for pressed in (True, False):
+        story.presses["touch_ui"], story.pressed["touch_ui"] = 1, pressed
+        story.monitor.observation.emergency_stop(pressed, story.now_s)
+        story.report("touch_ui")
+    story.step().expect(EMERGENCY, ("ESTOP_PRESSED",))
+    assert story.monitor.details == {"ESTOP_PRESSED": "/emergency_stop is true"}
+    story.run(1.0)
     assert story.reset().success
 
 
@@ -114,38 +138,51 @@ def test_a_limit_that_is_obeyed_along_the_ramp_is_none() -> None:
 
 
 def test_released_only_just_now() -> None:
-    story = Story().healthy()
-    assert story.reset() == ResetAnswer(True, "no emergency stop is latched")
-    story.expect(NORMAL, ()).estop(True).run(1.0)
-    for _ in range(3):
-        story.estop(False).run(0.2).estop(True)  # a button that repeats true within the settling time
-        assert story.reset() == ResetAnswer(False, f"refused: {STILL_TRUE}"), "refused resets do not add up"
-    story.estop(False)
+    story = Story().healthy().estop(True).run(1.0).estop(False)
     wanted = ResetAnswer(False, "refused: /emergency_stop has been false for less than 0.3 s")
     assert story.reset() == wanted
     story.before(PARAMS.release_settle_s)
     assert story.reset() == wanted
-    story.estop(False).past()  # a second false does not start the time again
-    story.expect(EMERGENCY)
+    story.past()
     assert story.reset().success
-    story.expect(NORMAL).estop(True).expect(EMERGENCY)
 
 
-@pytest.mark.parametrize("moving", [True, False])
-def test_exactly_the_settling_and_standing_times_are_enough(moving: bool) -> None:
+def test_exactly_the_settling_and_standing_times_are_enough() -> None:
     story = Story(start_s=64.0, release_settle_s=0.25, standstill_hold_s=0.25, startup_settle_s=0.25)
     for _ in range(40):
         story.tick(0.0625)
-    if moving:
-        story.wheel_radps = 5.0
-        story.estop(True).tick(0.0625)
-        story.wheel_radps = 0.0
-        story.tick(0.0625).estop(False)
-    else:
-        story.estop(True).estop(False)
+    story.wheel_radps = 5.0
+    story.estop(True).tick(0.0625)
+    story.wheel_radps = 0.0
+    story.tick(0.0625).estop(False)
+    for _ in range(3):
+        story.tick(0.0625)
+        assert not story.reset().success
+    story.tick(0.0625)
+    assert story.reset().success
+
+
+def test_exactly_the_settling_time_is_enough() -> None:
+    story = Story(start_s=64.0, release_settle_s=0.25)
+    for _ in range(40):
+        story.tick(0.0625)
+    story.estop(True).estop(False)
     for _ in range(3):
         assert not story.tick(0.0625).reset().success
     assert story.tick(0.0625).reset().success
+
+
+def test_a_button_that_repeats_true_within_the_settling_time_wins() -> None:
+    story = Story().healthy().estop(True).run(1.0)
+    for _ in range(5):
+        story.estop(False).run(0.2).estop(True)
+        assert not story.reset().success
+    story.expect(EMERGENCY)
+
+
+def test_a_second_false_does_not_start_the_settling_again() -> None:
+    story = Story().healthy().estop(True).run(1.0).estop(False).run(0.25).estop(False).run(0.1)
+    assert story.reset().success
 
 
 def test_moving() -> None:
@@ -158,9 +195,17 @@ def test_moving() -> None:
     assert story.reset() == ResetAnswer(False, f"refused: {NOT_STILL}")
     story.past()
     assert story.reset().success
-    story.wheel_radps = None  # an unknown speed is no standstill
-    story.run(0.14).expect(EMERGENCY)
-    assert NOT_STILL in story.reset().message
+
+
+def test_unknown_wheel_speeds_are_no_standstill() -> None:
+    story = Story().healthy().estop(True).estop(False).run(1.0)
+    story.wheel_radps = None
+    story.run(0.09)
+    assert story.reset().success
+    story.run(0.05).expect(EMERGENCY)
+    answer = story.reset()
+    assert not answer.success
+    assert NOT_STILL in answer.message
 
 
 def test_everything_missing_at_once_is_named() -> None:
@@ -171,6 +216,11 @@ def test_everything_missing_at_once_is_named() -> None:
     assert story.reset() == ResetAnswer(False, message)
 
 
+def test_a_fault_without_any_button_needs_no_release() -> None:
+    story = Story().healthy().axis(0, amp_alarm=True).tick().axis(0, amp_alarm=False).run(1.0)
+    assert story.reset() == ResetAnswer(True, "released: DRIVE_FAULT")
+
+
 def test_a_release_from_before_a_restart_does_not_count() -> None:
     story = Story().healthy().estop(True).estop(False).run(1.0).restarted().run(5.0)
     assert not story.reset().success
@@ -178,10 +228,25 @@ def test_a_release_from_before_a_restart_does_not_count() -> None:
     assert story.reset().success
 
 
+def test_refused_resets_do_not_add_up() -> None:
+    story = Story().healthy().estop(True)
+    for _ in range(10):
+        assert not story.reset().success
+    story.estop(False).run(1.0)
+    story.expect(EMERGENCY)
+    assert story.reset().success
+
+
 def test_a_reset_before_the_release_does_not_count() -> None:
     story = Story().healthy().estop(True).run(1.0)
     story.reset()
     story.estop(False).run(5.0).expect(EMERGENCY, ("ESTOP_PRESSED",))
+
+
+def test_a_press_after_the_release_latches_again() -> None:
+    story = Story().healthy().estop(True).estop(False).run(1.0)
+    assert story.reset().success
+    story.expect(NORMAL).estop(True).expect(EMERGENCY)
 
 
 def test_the_stop_counts_even_if_it_arrives_with_the_reset() -> None:
@@ -299,3 +364,19 @@ class TwoKeys(RuleBasedStateMachine):
 
 TestTwoKeys = TwoKeys.TestCase
 TestTwoKeys.settings = settings(max_examples=15, stateful_step_count=20, deadline=None)
+
+
+@pytest.mark.parametrize("servo_on", [True, False])
+def test_released_servos(servo_on: bool) -> None:
+    story = Story().healthy().estop(True).estop(False).run(1.0)
+    story.axes = [replace(GOOD_AXIS, servo_on=servo_on)] * 8
+    story.tick()
+    assert story.reset().success
+    story.expect(NORMAL if servo_on else SafetyState.DEGRADED)
+
+
+def test_monitor_names_the_pressed_sources() -> None:
+    story = Story().healthy()
+    assert not story.monitor.pressed_by(story.now_s)
+    story.estop(True)
+    assert list(story.monitor.pressed_by(story.now_s)) == ["touch_ui"]

@@ -30,6 +30,15 @@ def _in_force(detail: str) -> ActiveRow:
     return ActiveRow("LATCHING", SafetyAction.EMERGENCY_STOP, SafetyState.EMERGENCY_STOP, None, detail)
 
 
+def test_a_new_row_is_not_raised() -> None:
+    row = _going(1.0)
+    assert row.active() is None
+    assert row.action is SafetyAction.NONE
+    row.update(CLEAR, 1.0)
+    row.update(UNKNOWN, 2.0)
+    assert row.active() is None
+
+
 def test_fault_is_raised_at_once_and_cleared_after_its_time() -> None:
     row = _going(1.0)
     row.update(BAD, 1.0)
@@ -39,6 +48,13 @@ def test_fault_is_raised_at_once_and_cleared_after_its_time() -> None:
     row.update(CLEAR, 2.99)
     assert row.active() == active
     row.update(CLEAR, 3.0)
+    assert row.active() is None
+
+
+def test_no_clear_time_clears_at_once() -> None:
+    row = _going(0.0)
+    row.update(BAD, 1.0)
+    row.update(CLEAR, 1.0)
     assert row.active() is None
 
 
@@ -57,15 +73,9 @@ def test_the_clear_time_starts_again(between: Finding) -> None:
 
 def test_unknown_finding_keeps_the_state() -> None:
     row = _going(0.0)
-    row.update(UNKNOWN, 0.5)
-    assert (row.active(), row.action) == (None, SafetyAction.NONE)
     row.update(WORSE, 1.0)
     row.update(UNKNOWN, 99.0)
     assert row.action is SafetyAction.STOP
-    assert not row.latched
-    assert row.blocks_release() == "", "it clears by itself"
-    row.update(CLEAR, 99.0)
-    assert row.active() is None, "at once"
 
 
 def test_the_newest_finding_counts_while_it_is_raised() -> None:
@@ -89,6 +99,13 @@ def test_latch_stays_after_the_condition_ends() -> None:
     assert row.active() is None
 
 
+def test_unknown_condition_blocks_the_release() -> None:
+    row = _latching()
+    row.update(DEADLY, 1.0)
+    row.update(UNKNOWN, 2.0)
+    assert row.blocks_release() == "LATCHING: cannot be evaluated"
+
+
 def test_waiting_stops_without_a_latch() -> None:
     row = _latching()
     row.update(WAITING, 1.0)
@@ -99,14 +116,20 @@ def test_waiting_stops_without_a_latch() -> None:
     assert row.active() is None
 
 
-def test_unknown_condition_blocks_the_release() -> None:
+def test_waiting_after_a_latch_is_still_the_latch() -> None:
     row = _latching()
     row.update(DEADLY, 1.0)
-    row.update(UNKNOWN, 2.0)
-    assert row.blocks_release() == "LATCHING: cannot be evaluated"
-    row.update(WAITING, 3.0)
-    assert row.active() == _in_force("not yet"), "waiting after a latch is still the latch"
+    row.update(WAITING, 2.0)
+    assert row.action is SafetyAction.EMERGENCY_STOP
+    assert row.active() == _in_force("not yet")
     assert row.blocks_release() == "LATCHING: not yet"
+
+
+def test_a_row_that_clears_by_itself_never_latches() -> None:
+    row = _going(1.0)
+    row.update(WORSE, 1.0)
+    assert not row.latched
+    assert row.blocks_release() == ""
 
 
 def test_latched_before_a_restart() -> None:

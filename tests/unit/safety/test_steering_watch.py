@@ -88,13 +88,18 @@ def test_commands_that_are_old_or_no_commands_are_not_compared() -> None:
         assert held(bad, [0.2] * 4, [TURNED] * 4, 0.51) == ""
     found = watch()
     found.commanded([0.0] * 4, 0.0)
-    assert found.judge(0.0) == CLEAR, "without a measurement"
     found.measured([0.2] * 4, [TURNED] * 4)
     assert found.judge(0.0) == CLEAR
     assert found.judge(STALE_S) == CLEAR
     found.commanded([0.0] * 4, 0.51)
     assert found.judge(0.51).level is Level.PRESENT  # no interruption
     assert found.judge(0.51 + STALE_S + TINY) == CLEAR
+
+
+def test_missing_measurement_is_no_fault() -> None:
+    found = watch()
+    found.commanded([0.0] * 4, 0.0)
+    assert found.judge(0.0) == CLEAR
 
 
 def test_a_stuck_module_ends_the_ride_until_a_reset() -> None:

@@ -74,15 +74,16 @@ def test_release_of_another_source_ends_no_press() -> None:
     assert bench.says("a", False).standing == ""
 
 
-def test_repeated_reports_change_no_press_and_explain_no_other_true() -> None:
-    assert Bench().repeats("a", True).standing == "pressed by a", "it needs no message at all"
+def test_a_press_needs_no_message_at_all() -> None:
+    assert Bench().repeats("a", True).standing == "pressed by a"
+
+
+def test_repeated_reports_change_no_press() -> None:
     bench = Bench().says("a", True)
     for _ in range(5):
         bench.after(0.2).repeats("a", True)
     assert bench.standing == "pressed by a"
-    assert bench.nobody_says(True).standing == f"pressed by a; {NO_AUTHOR}"
-    bench = Bench().repeats("a", False).says("a", True)
-    assert bench.nobody_says(True).standing == f"pressed by a; {NO_AUTHOR}", "one is explained once"
+    assert bench.nobody_says(True).standing == f"pressed by a; {NO_AUTHOR}"  # a repeated report explains no other true
 
 
 def test_unexplained_true_is_unknown_and_cleared_by_name() -> None:
@@ -105,18 +106,28 @@ def test_overdue_unknown_press_is_clearable_at_once() -> None:
     assert bench.sources.clear(UNKNOWN, bench.now_s) == ""
 
 
-def test_a_report_may_come_late_or_early_but_in_time() -> None:
-    late = Bench().nobody_says(True).after(EXPLAIN_S)
-    late.sources.report(SourceReport("a", 1, 1, True), late.now_s)
-    assert late.standing == "pressed by a"
-    late.sources.report(SourceReport("a", 1, 1, False), late.now_s)
-    assert late.after(5.0).standing == ""
-    for apart_s, standing, at_last in ((EXPLAIN_S, "", ""), (EXPLAIN_S + 0.01, NO_AUTHOR, "pressed by unknown")):
-        early = Bench()
-        early.sources.report(SourceReport("a", 1, 1, True), early.now_s)
-        early.sources.report(SourceReport("a", 1, 1, False), early.now_s)
-        assert early.after(apart_s).nobody_says(True).standing == standing
-        assert early.after(EXPLAIN_S + 0.01).standing == at_last
+def test_an_explanation_may_come_late_but_in_time() -> None:
+    bench = Bench().nobody_says(True).after(EXPLAIN_S)
+    bench.sources.report(SourceReport("a", 1, 1, True), bench.now_s)
+    assert bench.standing == "pressed by a"
+    bench.sources.report(SourceReport("a", 1, 1, False), bench.now_s)
+    assert bench.after(5.0).standing == ""
+
+
+def test_report_without_its_true_explains_no_later_true() -> None:
+    bench = Bench()
+    bench.sources.report(SourceReport("a", 1, 1, True), bench.now_s)
+    bench.sources.report(SourceReport("a", 1, 1, False), bench.now_s)
+    bench.after(EXPLAIN_S + 0.01).nobody_says(True)
+    assert bench.standing == NO_AUTHOR
+    assert bench.after(EXPLAIN_S + 0.01).standing == "pressed by unknown"
+
+
+def test_a_report_may_come_early_but_in_time() -> None:
+    bench = Bench()
+    bench.sources.report(SourceReport("a", 1, 1, True), bench.now_s)
+    bench.sources.report(SourceReport("a", 1, 1, False), bench.now_s)
+    assert bench.after(EXPLAIN_S).nobody_says(True).standing == ""
 
 
 def test_each_true_needs_a_press_of_its_own() -> None:
@@ -199,6 +210,13 @@ def test_exactly_the_time_of_discovery_is_enough_and_exactly_so_long_is_not_afte
     assert bench.standing == NO_AUTHOR
 
 
+def test_the_first_report_may_come_before_its_message() -> None:
+    bench = Bench().repeats("a", False, pid=1)
+    bench.sources.report(SourceReport("a", 2, 1, True), bench.now_s)
+    assert bench.nobody_says(True).standing == "pressed by a"
+    assert bench.after(EXPLAIN_S + 0.1).standing == "pressed by a (gone)"
+
+
 def test_silent_source_stays_pressed_until_cleared_by_name() -> None:
     bench = Bench().says("ui", True)
     assert bench.sources.clear("ui", bench.now_s) == "ui is running and reports that it is pressed: release it there"
@@ -206,7 +224,6 @@ def test_silent_source_stays_pressed_until_cleared_by_name() -> None:
     assert bench.sources.clear("ui", bench.now_s) != ""
     assert bench.after(0.01).standing == "pressed by ui (gone)"
     assert bench.after(1e6).standing == "pressed by ui (gone)"
-    assert bench.repeats("ui", False, pid=2).standing == "pressed by ui (gone)", "a restart is no release"
     assert bench.sources.clear("ui", bench.now_s) == ""
     assert bench.standing == ""
 
@@ -225,14 +242,20 @@ def test_unknown_presence_value_is_not_clearable() -> None:
     assert parse_presence(dict.fromkeys(described, "?")) == {"ui": Presence.THERE}
 
 
+def test_restarted_source_has_not_released() -> None:
+    bench = Bench().says("ui", True).after(STALE_S + 0.01).repeats("ui", False, pid=2)
+    assert bench.standing == "pressed by ui (gone)"
+    assert bench.sources.clear("ui", bench.now_s) == ""
+
+
 def test_restarted_source_releases_only_its_own_press() -> None:
     """Process A exits while pressed; process B of the same name presses and releases."""
     bench = Bench().says("ui", True).after(STALE_S + 0.01).says("ui", True, pid=2)
     assert bench.standing == "pressed by ui (gone), ui"
     assert bench.sources.presence(bench.now_s) == {"ui": Presence.GONE}
     assert bench.says("ui", False, pid=2).standing == "pressed by ui (gone)"
-    assert bench.says("ui", True, pid=2).sources.clear("ui", bench.now_s) == ""
-    assert bench.standing == "pressed by ui", "clearing a name affects only ended processes"
+    assert bench.sources.clear("ui", bench.now_s) == ""
+    assert bench.standing == ""
 
 
 def test_two_processes_of_one_name_are_two_sources() -> None:
@@ -242,6 +265,12 @@ def test_two_processes_of_one_name_are_two_sources() -> None:
     assert bench.says("ui", False, pid=1).standing == "pressed by ui"
     assert bench.sources.clear("ui", bench.now_s) == "ui is running and reports that it is pressed: release it there"
     assert bench.says("ui", False, pid=2).standing == ""
+
+
+def test_clearing_a_name_affects_only_ended_processes() -> None:
+    bench = Bench().says("ui", True).after(STALE_S + 0.01).says("ui", True, pid=2)
+    assert bench.sources.clear("ui", bench.now_s) == ""
+    assert bench.standing == "pressed by ui"
 
 
 def test_a_process_that_has_the_number_of_one_before_is_another() -> None:
@@ -268,6 +297,13 @@ def test_a_report_of_any_number_of_presses_takes_no_longer(known: bool) -> None:
     assert "pressed by a" in bench.standing
 
 
+def test_announced_presses_explain_as_many_trues_as_they_are() -> None:
+    bench = Bench().repeats("a", False)
+    bench.sources.report(SourceReport("a", 1, 2, True), bench.now_s)
+    assert bench.nobody_says(True).nobody_says(True).standing == "pressed by a"
+    assert bench.nobody_says(True).standing == f"pressed by a; {NO_AUTHOR}"
+
+
 def test_sources_without_number_are_bounded_and_none_of_their_presses_is_lost() -> None:
     bench = Bench()
     for index in range(2 * MOST_SOURCES):
@@ -282,13 +318,10 @@ def test_sources_without_number_are_bounded_and_none_of_their_presses_is_lost() 
     assert bench.sources.clear(UNKNOWN, bench.now_s) == ""
 
 
-def test_announced_presses_explain_as_many_trues_as_they_are() -> None:
-    bench = Bench().repeats("a", False)
-    bench.sources.report(SourceReport("a", 1, 2, True), bench.now_s)
-    assert bench.nobody_says(True).nobody_says(True).standing == "pressed by a"
-    assert bench.nobody_says(True).standing == f"pressed by a; {NO_AUTHOR}"
+def test_lower_press_count_explains_no_press() -> None:
+    bench = Bench().says("a", True).nobody_says(True)
     bench.sources.report(SourceReport("a", 1, 0, True), bench.now_s)
-    assert bench.standing == f"pressed by a; {NO_AUTHOR}", "a lower number explains none"
+    assert bench.standing == f"pressed by a; {NO_AUTHOR}"
 
 
 def test_presses_survive_a_restart() -> None:
@@ -302,9 +335,6 @@ def test_age() -> None:
     bench = Bench()
     assert bench.sources.age_s("a", bench.now_s) == math.inf
     assert bench.repeats("a", False).after(0.5).sources.age_s("a", bench.now_s) == 0.5
-    arrivals = Arrivals()
-    arrivals.add(1.0, 0)
-    assert not arrivals
 
 
 @given(
@@ -342,6 +372,18 @@ def test_presence_is_evaluated_only_after_settling() -> None:
 # --- what a report explains, at its limits ---------------------------------------------------------------------------
 
 
+def test_no_arrival_is_none() -> None:
+    arrivals = Arrivals()
+    arrivals.add(1.0, 0)
+    assert not arrivals
+
+
+def test_a_report_explains_a_true_once() -> None:
+    """The true that came before the report is no reason to expect another."""
+    bench = Bench().repeats("a", False).says("a", True)
+    assert bench.nobody_says(True).standing == f"pressed by a; {NO_AUTHOR}"
+
+
 def test_a_new_process_explains_earlier_trues_once() -> None:
     """One has become unknown and one still waits: both are its own, and no third is expected."""
     bench = Bench().repeats("a", False).after(DISCOVERY_S + 0.1).nobody_says(True).after(EXPLAIN_S + 0.1)
@@ -352,15 +394,21 @@ def test_a_new_process_explains_earlier_trues_once() -> None:
     assert bench.nobody_says(True).standing == f"pressed by b; {NO_AUTHOR}"
 
 
+def test_as_many_sources_as_fit_are_all_present() -> None:
+    bench = Bench()
+    for index in range(MOST_SOURCES):
+        bench.repeats(f"source {index:03}", True)
+        bench.after(0.001)
+    assert set(bench.sources.presence(bench.now_s).values()) == {Presence.THERE}
+    assert bench.sources.age_s("source 000", bench.now_s) == pytest.approx(0.001 * MOST_SOURCES)
+
+
 def test_the_sources_that_have_been_silent_longest_make_room() -> None:
-    """They are neither the first nor the last by name. As many as fit are all present."""
+    """They are neither the first nor the last by name."""
     bench, names = Bench(), [f"source {index:03}" for index in range(MOST_SOURCES + 2)]
     oldest = [names[9], names[3]]
-    for number, name in enumerate((*oldest, *(name for name in names if name not in oldest)), 1):
+    for name in (*oldest, *(name for name in names if name not in oldest)):
         bench.repeats(name, True)
         bench.after(0.001)
-        if number == MOST_SOURCES:
-            assert set(bench.sources.presence(bench.now_s).values()) == {Presence.THERE}
-            assert bench.sources.age_s(oldest[0], bench.now_s) == pytest.approx(0.001 * MOST_SOURCES)
     found = bench.sources.presence(bench.now_s)
     assert {name for name, presence in found.items() if presence is Presence.GONE} == set(oldest)

@@ -58,12 +58,9 @@ def moving(*rows: tuple[float, float, float, float, float]) -> NDArray[np.float6
 # --- clouds ----------------------------------------------------------------------------------------------------------
 
 
-def test_an_empty_cloud_is_fresh_without_obstacles() -> None:
+def test_never_received() -> None:
     scene = Scene()
     assert (scene.around.age_s(10.0), scene.around.problem) == (math.inf, "never received")
-    assert scene.known() == []
-    scene.see()
-    assert (scene.around.age_s(scene.now_s), scene.around.problem) == (0.0, "")
     assert scene.known() == []
 
 
@@ -83,12 +80,17 @@ def test_the_age_of_the_points_counts_from_their_time_and_not_from_their_recepti
 
 
 def test_points_move_past_the_robot() -> None:
-    scene = Scene(Twist2(1.0, 0.0, 0.0)).go(0.5).see((2.0, 0.5, 1.0), latency_s=0.1)
-    assert scene.known() == [[1.9, 0.5, 1.0]], "where it was then"
-    assert scene.go(0.1).known() == [[1.8, 0.5, 1.0]]
-    assert scene.around.age_s(scene.now_s) == pytest.approx(0.1)
+    scene = Scene(Twist2(1.0, 0.0, 0.0)).see((2.0, 0.5, 1.0))
+    assert scene.known() == [[2.0, 0.5, 1.0]]
+    assert scene.go(0.1).known() == [[1.9, 0.5, 1.0]]
     turning = Scene(Twist2(0.0, 0.0, 1.0)).see((2.0, 0.0, 1.0)).go(0.1)
     assert turning.known() == [[round(2 * math.cos(0.1), 3), round(-2 * math.sin(0.1), 3), 1.0]]
+
+
+def test_points_that_took_their_time_are_where_they_were_then() -> None:
+    scene = Scene(Twist2(1.0, 0.0, 0.0)).go(0.5).see((2.0, 0.0, 1.0), latency_s=0.1)
+    assert scene.known() == [[1.9, 0.0, 1.0]]
+    assert scene.around.age_s(scene.now_s + 0.2) == pytest.approx(0.2)
 
 
 def test_half_sweeps_make_one_picture_until_they_are_too_old() -> None:
@@ -108,7 +110,13 @@ def test_a_cloud_of_just_the_window_s_age_belongs_to_the_picture() -> None:
     assert scene.see((-3.0, 0.0, 1.0)).known() == [[-3.0, 0.0, 1.0], [3.0, 0.0, 1.0]]
 
 
-@pytest.mark.parametrize("bad", [math.nan, -math.inf])
+def test_empty_cloud_is_fresh_without_obstacles() -> None:
+    scene = Scene().see()
+    assert (scene.around.age_s(scene.now_s), scene.around.problem) == (0.0, "")
+    assert scene.known() == []
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 def test_points_that_are_no_numbers_are_none(bad: float) -> None:
     scene = Scene().see((2.0, 0.0, 1.0), (bad, 0.0, 1.0), (3.0, bad, 1.0), (3.0, 1.0, bad))
     assert scene.known() == [[2.0, 0.0, 1.0]]
@@ -136,23 +144,17 @@ def test_points_within_the_footprint_belong_to_the_robot() -> None:
     assert Scene().see((0.5, 0.0, 0.3), (0.0, -0.35, 0.3), (0.51, 0.0, 0.3)).known() == [[0.51, 0.0, 0.3]]
 
 
-@pytest.mark.parametrize(
-    ("points", "kept"),
-    [
-        (
-            [(2.04, 0.01, 0.2), (2.01, 0.01, 0.5), (2.02, 0.04, 1.5), (2.03, 0.02, 1.0), (2.06, 0.01, 0.1)],
-            [[2.01, 0.01, 1.5], [2.06, 0.01, 0.1]],
-        ),
-        ([(-2.01, -0.01, 0.5), (-2.04, -0.01, 0.7)], [[-2.01, -0.01, 0.7]]),
-        ([(0.01, 1.04, 0.2), (0.03, 1.01, 0.2)], [[0.03, 1.01, 0.2]]),
-        ([(0.01, -1.01, 0.2), (0.03, -1.04, 0.2)], [[0.01, -1.01, 0.2]]),
-        ([(1.01, 1.03, 0.2), (1.03, 1.01, 0.2)], [[1.01, 1.03, 0.2]]),  # the first of equals
-    ],
-)
-def test_of_a_column_the_nearest_point_is_kept_at_the_height_of_the_highest(
-    points: list[tuple[float, float, float]], kept: list[list[float]]
-) -> None:
-    assert Scene().see(*points).known() == kept
+def test_of_a_column_the_nearest_point_is_kept_at_the_height_of_the_highest() -> None:
+    column = [(2.04, 0.01, 0.2), (2.01, 0.01, 0.5), (2.02, 0.04, 1.5), (2.03, 0.02, 1.0)]
+    assert Scene().see(*column, (2.06, 0.01, 0.1)).known() == [[2.01, 0.01, 1.5], [2.06, 0.01, 0.1]]
+    behind = [(-2.01, -0.01, 0.5), (-2.04, -0.01, 0.7)]
+    assert Scene().see(*behind).known() == [[-2.01, -0.01, 0.7]]
+
+
+def test_the_nearest_of_a_column_beside_the_robot() -> None:
+    assert Scene().see((0.01, 1.04, 0.2), (0.03, 1.01, 0.2)).known() == [[0.03, 1.01, 0.2]]
+    assert Scene().see((0.01, -1.01, 0.2), (0.03, -1.04, 0.2)).known() == [[0.01, -1.01, 0.2]]
+    assert Scene().see((1.01, 1.03, 0.2), (1.03, 1.01, 0.2)).known() == [[1.01, 1.03, 0.2]]  # first of equals
 
 
 @pytest.mark.parametrize("y_m", [0.61, 1.11, -0.74, -0.14])
@@ -194,34 +196,45 @@ def test_time_running_backwards_restarts_the_window() -> None:
 # --- the end of known space ------------------------------------------------------------------------------------------
 
 
-BAD_LATENCIES_S = [OBSTACLES.max_latency_s + 0.01, -0.01, math.nan]
-
-
-@pytest.mark.parametrize("which", ["unseen", "no_ground"])
-def test_the_end_of_known_space_moves_with_the_robot_and_becomes_stale(which: str) -> None:
+def test_frontier_moves_with_the_robot_and_becomes_stale() -> None:
     scene = Scene(Twist2(1.0, 0.0, 0.0)).go(0.5)
-    received = getattr(scene.around, f"{which}_received")
-
-    def found(later_s: float = 0.0) -> NDArray[np.float64] | None:
-        known: NDArray[np.float64] | None = getattr(scene.around, which)(0.3, scene.now_s + later_s)
-        return known
-
-    for latency_s in BAD_LATENCIES_S:
-        received(cloud((1.0, 0.0, 0.0)), latency_s, scene.now_s)
-    received(cloud((math.nan, 0.0, 0.0)), 0.0, scene.now_s)
-    assert found() is None
-    received(cloud((2.0, 0.0, 0.0), (math.nan, 0.0, 0.0)), 0.1, scene.now_s)
-    assert found() == pytest.approx(np.array([[1.9, 0.0, 0.0]]))
+    assert scene.around.unseen(0.3, scene.now_s) is None
+    scene.around.unseen_received(cloud((2.0, 0.0, 0.0), (math.nan, 0.0, 0.0)), 0.1, scene.now_s)
+    found = scene.around.unseen(0.3, scene.now_s)
+    assert found is not None
+    assert found == pytest.approx(np.array([[1.9, 0.0, 0.0]]))
     scene.go(0.2)
-    assert found() == pytest.approx(np.array([[1.7, 0.0, 0.0]]))
-    assert found(0.11) is None
-    assert found(-1.0) is None
-    received(cloud(), 0.0, scene.now_s)
-    empty = found()
-    assert empty is not None
-    assert len(empty) == 0
-    other = scene.around.no_ground if which == "unseen" else scene.around.unseen
-    assert other(0.3, scene.now_s) is None
+    found = scene.around.unseen(0.3, scene.now_s)
+    assert found is not None
+    assert found == pytest.approx(np.array([[1.7, 0.0, 0.0]]))
+    assert scene.around.unseen(0.3, scene.now_s + 0.11) is None
+    assert scene.around.unseen(0.3, scene.now_s - 1.0) is None
+
+
+def test_ground_boundary_moves_with_the_robot_and_becomes_stale() -> None:
+    scene = Scene(Twist2(1.0, 0.0, 0.0)).go(0.5)
+    assert scene.around.no_ground(0.3, scene.now_s) is None
+    scene.around.no_ground_received(cloud((2.0, 0.0, 0.0), (math.nan, 0.0, 0.0)), 0.1, scene.now_s)
+    scene.around.no_ground_received(cloud((math.nan, 0.0, 0.0)), 0.0, scene.now_s)
+    scene.around.no_ground_received(cloud((1.0, 0.0, 0.0)), OBSTACLES.max_latency_s + 0.01, scene.now_s)
+    scene.go(0.2)
+    found = scene.around.no_ground(0.3, scene.now_s)
+    assert found is not None
+    assert found == pytest.approx(np.array([[1.7, 0.0, 0.0]]))
+    assert scene.around.unseen(0.3, scene.now_s) is None
+    assert scene.around.no_ground(0.3, scene.now_s + 0.11) is None
+
+
+@pytest.mark.parametrize("latency_s", [OBSTACLES.max_latency_s + 0.01, -0.01, math.nan])
+def test_invalid_frontier_is_rejected(latency_s: float) -> None:
+    scene = Scene()
+    scene.around.unseen_received(cloud((2.0, 0.0, 0.0)), latency_s, scene.now_s)
+    scene.around.unseen_received(cloud((math.nan, 0.0, 0.0)), 0.0, scene.now_s)
+    assert scene.around.unseen(0.3, scene.now_s) is None
+    scene.around.unseen_received(cloud(), 0.0, scene.now_s)
+    found = scene.around.unseen(0.3, scene.now_s)
+    assert found is not None
+    assert len(found) == 0
     assert scene.around.problem == "never received"  # of the obstacles, which are separate
 
 
@@ -230,22 +243,16 @@ def test_the_end_of_known_space_moves_with_the_robot_and_becomes_stale(which: st
 
 def test_moving_objects_are_extrapolated_while_the_robot_moves() -> None:
     scene = Scene(Twist2(1.0, 0.0, 0.0)).go(0.5)
-    for latency_s in BAD_LATENCIES_S:
-        scene.around.moving_received(moving((2.0, 0.0, 0.5, 0.0, 1.0)), latency_s, scene.now_s)
-    scene.around.moving_received(moving((2.0, 0.0, 0.5, 0.0, math.nan)), 0.0, scene.now_s)
     assert scene.around.moving(0.3, scene.now_s) is None
     rows = moving((2.0, 1.0, 0.5, -0.5, -2.0), (2.0, 1.0, 0.5, math.nan, 0.0), (math.inf, 1.0, 0.5, 0.0, 0.0))
     scene.around.moving_received(rows, 0.1, scene.now_s)
-    assert scene.around.moving(0.3, scene.now_s) == pytest.approx(np.array([[1.85, 0.8, 0.5, -0.5, -2.0]]))
+    found = scene.around.moving(0.3, scene.now_s)
+    assert found is not None
+    assert found == pytest.approx(np.array([[1.85, 0.8, 0.5, -0.5, -2.0]]))
     scene.go(0.2)
     assert scene.around.moving(0.3, scene.now_s) == pytest.approx(np.array([[1.55, 0.4, 0.5, -0.5, -2.0]]))
     assert scene.around.moving(0.3, scene.now_s + 0.11) is None
     assert scene.around.moving(0.3, scene.now_s - 1.0) is None
-    scene.around.moving_received(moving(), 0.0, scene.now_s)
-    found = scene.around.moving(0.3, scene.now_s)
-    assert found is not None
-    assert found.shape == (0, 5)
-    assert scene.around.problem == "never received"  # of the obstacles, which are separate
 
 
 def test_moving_objects_are_rotated_with_the_robot() -> None:
@@ -254,6 +261,19 @@ def test_moving_objects_are_rotated_with_the_robot() -> None:
     scene.around.moving_received(moving((2.0, 0.0, 0.5, 0.0, 1.0)), 0.0, scene.now_s)
     scene.dead_reckoning.pose = IDENTITY
     assert scene.around.moving(0.3, scene.now_s) == pytest.approx(np.array([[0.0, 2.0, 0.5, -1.0, 0.0]]), abs=1e-9)
+
+
+@pytest.mark.parametrize("latency_s", [OBSTACLES.max_latency_s + 0.01, -0.01, math.nan])
+def test_a_motion_that_makes_no_sense_is_not_received(latency_s: float) -> None:
+    scene = Scene()
+    scene.around.moving_received(moving((2.0, 0.0, 0.5, 0.0, 1.0)), latency_s, scene.now_s)
+    scene.around.moving_received(moving((2.0, 0.0, 0.5, 0.0, math.nan)), 0.0, scene.now_s)
+    assert scene.around.moving(0.3, scene.now_s) is None
+    scene.around.moving_received(moving(), 0.0, scene.now_s)
+    found = scene.around.moving(0.3, scene.now_s)
+    assert found is not None
+    assert found.shape == (0, 5)
+    assert scene.around.problem == "never received"  # of the obstacles, which are separate
 
 
 # --- docks -----------------------------------------------------------------------------------------------------------
@@ -282,21 +302,23 @@ ON_THE_EDGE = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("dock", "place", "own"),
-    [
-        *((Pose2(2.0, 1.0, 0.5), place, own) for place, own in IN_DOCK.values()),
-        *((IDENTITY, place, True) for place in ON_THE_EDGE),
-    ],
-    ids=[*IN_DOCK, *(f"edge {index}" for index in range(len(ON_THE_EDGE)))],
-)
-def test_points_that_belong_to_a_dock(dock: Pose2, place: tuple[float, float, float], own: bool) -> None:
-    x, y, z = place
+@pytest.mark.parametrize("name", IN_DOCK)
+def test_points_that_belong_to_a_dock(name: str) -> None:
+    (x, y, z), own = IN_DOCK[name]
+    dock = Pose2(2.0, 1.0, 0.5)
     at = dock.compose(Pose2(x, y, 0.0))
     scene = Scene()
     scene.around.dock(dock, 0.0, scene.now_s)
     scene.see((at.x, at.y, z))
     assert (scene.known(docking=True) == []) is own
+    assert len(scene.known(docking=False)) == 1
+
+
+@pytest.mark.parametrize("point", ON_THE_EDGE)
+def test_a_dock_s_edge_is_the_dock_s(point: tuple[float, float, float]) -> None:
+    scene = Scene()
+    scene.around.dock(IDENTITY, 0.0, scene.now_s)
+    assert scene.see(point).known(docking=True) == []
     assert len(scene.known(docking=False)) == 1
 
 

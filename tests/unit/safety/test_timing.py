@@ -27,16 +27,29 @@ def test_age(now_s: float, then_s: float | None, age: float) -> None:
 
 def test_hold_counts_from_the_first_true() -> None:
     hold = Hold()
-    for holds, now_s, lasted_s in (
-        (False, -1.0, None),
-        (True, 0.0, 0.0),
-        (True, 0.5, 0.5),
-        (True, 2.0, 2.0),
-        (False, 3.0, None),
-        (True, 100.0, 0.0),
-        (True, 10.0, 0.0),  # time runs backwards
-        (True, 11.0, 1.0),
-    ):
-        assert hold.update(holds, now_s) == lasted_s
+    assert hold.update(False, 1.0) is None
+    assert hold.update(True, 2.0) == 0.0
+    assert hold.update(True, 2.5) == 0.5
+    assert hold.update(True, 4.0) == 2.0
+    assert hold.update(False, 5.0) is None
+    assert hold.update(True, 6.0) == 0.0
+
+
+def test_hold_at_time_zero() -> None:
+    hold = Hold()
+    assert hold.update(True, 0.0) == 0.0
+    assert hold.update(True, 1.0) == 1.0
+
+
+def test_hold_begins_again_when_time_runs_backwards() -> None:
+    hold = Hold()
+    hold.update(True, 100.0)
+    assert hold.update(True, 10.0) == 0.0
+    assert hold.update(True, 11.0) == 1.0
+
+
+def test_hold_that_saw_no_time_never_lasts() -> None:
+    hold = Hold()
+    hold.update(True, 1.0)
     assert math.isnan(hold.update(True, math.nan) or 0.0)
-    assert hold.update(True, 12.0) == 0.0, "a hold that saw no time never lasts"
+    assert hold.update(True, 5.0) == 0.0
