@@ -275,10 +275,10 @@ def test_up_reports_refusing_and_waiting_processes_and_stack_keeps_running(stack
     done = stack.up("--deadline", "5")
     assert done.returncode == 1
     # Before that, the progress of the start names every process.
-    told = done.stderr.rpartition("error: ")[2]
-    assert "spare: failed: given up: refused to run, see its log" in told
-    assert "other: waiting: /sensors/imu" in told
-    assert "steady" not in told
+    reasons = done.stderr.rpartition("error: ")[2]
+    assert "spare: failed: given up: refused to run, see its log" in reasons
+    assert "other: waiting: /sensors/imu" in reasons
+    assert "steady" not in reasons
     assert stack.entry("spare")["restarts"] == 0
     stack.obey_no_more("other")
     stack.wait_entry("other", lambda item: item["state"] == "ready", "to become ready after all")

@@ -5,9 +5,20 @@ from __future__ import annotations
 import pytest
 
 from tests.simulated.shared import shared
-from tests.simulated.stage import staged
+from tests.simulated.stage import Stage, staged
 
 pytestmark = shared(staged)
+
+
+def drive_again(stage: Stage, name: str) -> None:
+    """Releases the stop that the kill may have left, and drives with the restarted process."""
+    stage.let_go()
+    stage.wait_restarted(name)
+    stage.run(2.0)
+    if stage.safety.last.safety_state == "EMERGENCY_STOP":
+        stage.release()
+    stage.wait_safety("NORMAL", limit_s=20.0)
+    stage.drive_at(0.3)
 
 
 # The safety monitor: below.
@@ -17,13 +28,7 @@ def test_a_critical_process_is_killed_and_the_robot_stands(name: str) -> None:
         stage.drive_at(0.6)
         stage.kill(name)
         stage.wait_stands(6.0)
-        stage.let_go()
-        stage.wait_restarted(name)
-        stage.run(2.0)
-        if stage.safety.last.safety_state == "EMERGENCY_STOP":
-            stage.release()
-        stage.wait_safety("NORMAL", limit_s=20.0)
-        stage.drive_at(0.3)
+        drive_again(stage, name)
 
 
 def test_killed_button_process_restarts_and_stops_the_robot() -> None:
@@ -64,13 +69,7 @@ def test_without_its_safety_monitor_the_robot_brakes_hard(hangs: bool) -> None:
             stage.kill("safety_monitor")
         stage.wait_stands(8.0)
         assert stage.at().distance_to(begun) < 0.5
-        stage.let_go()
-        stage.wait_restarted("safety_monitor")
-        stage.run(2.0)
-        if stage.safety.last.safety_state == "EMERGENCY_STOP":
-            stage.release()
-        stage.wait_safety("NORMAL", limit_s=20.0)
-        stage.drive_at(0.3)
+        drive_again(stage, "safety_monitor")
 
 
 def test_another_process_hangs_and_the_robot_is_slow() -> None:

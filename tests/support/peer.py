@@ -55,10 +55,10 @@ def says(diagnostics: Heard, node: str, text: str) -> dict[str, str]:
     """Waits for a new report with the text, once a second, and returns its values."""
     first = len(diagnostics.items)
 
-    def told(message: Any) -> bool:
+    def matches(message: Any) -> bool:
         return message.status[0].name == node and text in message.status[0].message
 
-    found = wait_for(lambda: next(filter(told, diagnostics.messages[first:]), None), f"{node}: {text}")
+    found = wait_for(lambda: next(filter(matches, diagnostics.messages[first:]), None), f"{node}: {text}")
     return {item.key: item.value for item in found.status[0].values}
 
 

@@ -17,7 +17,7 @@ from multiprocessing.synchronize import Event
 from pathlib import Path
 from typing import Any, Final
 
-from robot_stack.core.geometry import Pose2
+from robot_stack.core.geometry import IDENTITY, Pose2
 from robot_stack.fleet.codec import timestamp
 from robot_stack.fleet.headers import ConnectionMessages
 from robot_stack.fleet.link import Connected, Received
@@ -101,7 +101,7 @@ def _run(
 def _drive(
     params: Mapping[str, BrokerParams], folder: Path, idle_every: int, ends: Event, results: Queue[Share | str]
 ) -> None:
-    members = [_Member(serial, broker, folder / serial) for serial, broker in params.items()]
+    members = [Member(serial, broker, folder / serial) for serial, broker in params.items()]
     period_s = 1.0 / members[0].vehicle.params.tick_rate_hz
     begun_s = before_s = 0.0
     visits, ready, next_s = 0, False, time.monotonic()
@@ -129,10 +129,12 @@ def _cpu_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-class _Member:
-    def __init__(self, serial: str, broker: BrokerParams, folder: Path) -> None:
+class Member:
+    """A robot and its connection. folder: for its journals, which is created. pose: at the start."""
+
+    def __init__(self, serial: str, broker: BrokerParams, folder: Path, pose: Pose2 = IDENTITY) -> None:
         folder.mkdir()
-        self.vehicle = FleetVehicle(serial, Pose2(0.0, 0.0, 0.0), folder, params=_PARAMS)
+        self.vehicle = FleetVehicle(serial, pose, folder, params=_PARAMS)
         messages = ConnectionMessages(self.vehicle.agent.headers, time.time)
         prefix = self.vehicle.params.identity.prefix(Version.V2)
         self.link = MqttLink(broker, serial, prefix, messages.online, messages.offline, messages.broken)

@@ -20,6 +20,8 @@ from vda5050.model.enums import OperatingMode
 from vda5050.model.order import Order
 from vda5050.model.state import State
 
+from tests.support.waiting import wait_for
+
 _REFUSALS = ("validationError", "orderError", "orderUpdateError", "noRouteError")
 NPM = Path(__file__).with_name("npm")
 
@@ -120,9 +122,13 @@ def drive_by_npm(
     """
     command = ["node", "master.js", url, manufacturer, serial, json.dumps(order)]
     with subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True) as process:
+
+        def ended() -> bool:
+            while_running()
+            return process.poll() is not None
+
         try:
-            while process.poll() is None:
-                while_running()
+            wait_for(ended, "the end of the order")
         finally:
             process.kill()
         output = process.communicate()[0]

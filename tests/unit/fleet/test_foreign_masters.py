@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from contextlib import closing
 from pathlib import Path
 
@@ -12,17 +11,11 @@ from typer.testing import CliRunner
 
 from robot_stack.cli.app import app
 from robot_stack.core.geometry import Pose2
-from robot_stack.fleet.headers import ConnectionMessages
-from robot_stack.fleet.link import Connected, Received
-from robot_stack.fleet.nodes.mqtt_link import MqttLink
-from robot_stack.fleet.version import Version
-from tests.benchmarks.support.fleet_vehicle import FleetVehicle
+from tests.benchmarks.support.fleet_many import Member
 from tests.support.fleet.broker import running_broker
 from tests.support.fleet.foreign_masters import drive_by_npm, drive_by_sdk, installed_npm, npm_robot
 from tests.support.fleet.foreign_robot import MAKER, ForeignRobot
 from tests.support.fleet.orders import order
-
-_SPEED_UP = 10.0  # of the kinematic robot
 
 
 @pytest.fixture(scope="module")
@@ -45,37 +38,17 @@ def test_sdk_sends_an_order_and_follows_it(tmp_path: Path) -> None:
         assert not refused.accepted, "it knows that the robot cannot reach the first node"
 
 
-class _Robot:
-    """The kernels of fleet agent and mission manager on the real connection, with a kinematic body."""
-
-    def __init__(self, vehicle: FleetVehicle, link: MqttLink) -> None:
-        self._vehicle, self._link = vehicle, link
-
-    def tick(self) -> None:
-        for event in self._link.receive():
-            if isinstance(event, Received):
-                self._vehicle.agent.receive(event.topic, event.payload)
-            elif isinstance(event, Connected):
-                self._vehicle.connected()
-        for topic, payload in self._vehicle.tick(_SPEED_UP * time.monotonic(), time.time()).items():
-            self._link.send(topic, payload)
-        time.sleep(0.01)
-
-
 def test_vda_5050_lib_sends_an_order_and_follows_it(npm: Path, tmp_path: Path) -> None:
-    vehicle = FleetVehicle("F1", Pose2(1.0, 2.0, 0.0))
-    identity = vehicle.params.identity
-    messages = ConnectionMessages(vehicle.agent.headers, time.time)
     with running_broker(tmp_path / "site", local=True) as broker:
-        url, prefix = broker.site.robot_url(), identity.prefix(Version.V2)
-        link = MqttLink(broker.params(), "F1", prefix, messages.online, messages.offline, messages.broken)
-        with closing(link):
-            sent = order("o-1", ["start", "a", "b"])
-            followed = drive_by_npm(npm, url, identity.manufacturer, "F1", sent, _Robot(vehicle, link).tick)
+        robot = Member("F1", broker.params(), tmp_path / "robot", Pose2(1.0, 2.0, 0.0))
+        maker, sent = robot.vehicle.params.identity.manufacturer, order("o-1", ["start", "a", "b"])
+        with closing(robot.link):
+            url = broker.site.robot_url()
+            followed = drive_by_npm(npm, url, maker, "F1", sent, lambda: robot.visit(also_idle=True))
     assert followed.finished, followed
     assert followed.nodes[-1] == "b"
     assert followed.errors == []
-    assert vehicle.pose.distance_to(Pose2(3.0, 2.0, 0.0)) < 0.3
+    assert robot.vehicle.pose.distance_to(Pose2(3.0, 2.0, 0.0)) < 0.3
 
 
 def test_virtual_agv_of_vda_5050_lib_is_ordered_by_the_command_line(npm: Path, tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 // Sends an order by vda-5050-lib and follows it: node master.js URL MANUFACTURER SERIAL ORDER. Prints one line of JSON.
 const {MasterController} = require("vda-5050-lib");
+const clientOptions = require("./client");
 
 const [url, manufacturer, serialNumber, order] = process.argv.slice(2);
 const robot = {manufacturer, serialNumber};
@@ -11,11 +12,7 @@ function end() {
 }
 
 (async () => {
-  const options = {
-    interfaceName: "uagv", transport: {brokerUrl: url, protocolVersion: "3.1.1"}, vdaVersion: "2.0.0",
-    topicObjectValidation: {inbound: false},
-  };
-  const master = new MasterController(options, {});
+  const master = new MasterController(clientOptions(url), {});
   await master.start();
   // The order is sent when the robot is known to be online.
   master.trackAgvs((agv, state) => {
