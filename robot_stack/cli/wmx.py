@@ -51,7 +51,8 @@ def home(
     """Home the steering, while the profile runs and the robot stands.
 
     With homing.type current_position (config/robot.yaml) the present headings become straight ahead: align the wheels
-    first. Prints zero_rad of absolute encoders, for config/robot.yaml.
+    first. Prints zero_rad of absolute encoders, for config/robot.yaml. The robot then needs an emergency stop and its
+    release.
     """
     from robot_stack.contract.frames import JOINTS, STEER_AXES
     from robot_stack.core.robot import load_robot
@@ -76,7 +77,7 @@ def home(
             offsets = home_axes(device, axes, machine, pause=time.sleep, timeout_s=timeout_s)
     except (EngineError, HomingError) as error:
         raise CommandError(str(error)) from None
-    print(f"homed: {', '.join(chosen)}")
+    print(f"homed: {', '.join(chosen)}; press and release the emergency stop before the robot moves again")
     if robot.steer.absolute_encoder:
         print("for axes in config/robot.yaml, because the drive's next start imports it:")
         for name, offset_rad in offsets.items():

@@ -18,12 +18,13 @@ from robot_stack.drive.hardware_params import DriveSessionParams
 from robot_stack.drive.kinematics import ModuleSetPoints
 from robot_stack.drive.wheel_axes import AxisSettings, DriveMove, SteerMove, drive_moves, steer_moves, stop_moves
 from robot_stack.wmx.api import AxisCommandMode, EStopLevel
-from robot_stack.wmx.axes import StatusSnapshot
+from robot_stack.wmx.axes import Real, StatusSnapshot
 from robot_stack.wmx.config import EngineParameters
 from robot_stack.wmx.device_opener import DeviceOpener, OpenEngine, PromptOpener
 from robot_stack.wmx.session import Applied, EngineSession
 from robot_stack.wmx.start_up import Machine, Missing, SessionState, Stage, StartUp
 
+_SAME_ZERO_RAD = 1e-3
 # Requests, as refusals name them.
 _ESTOP, _RELEASE, _STEERING, _DRIVING = "emergency stop", "release", "steering", "driving"
 
@@ -89,6 +90,7 @@ class DriveSession:
         self._stop = self._may_switch_on = False
         self._stopped = False
         self._tripped = ""
+        self._zeros: list[float | None] | None = None  # of the steering, to which the controller's headings refer
 
     @property
     def state(self) -> SessionState:
@@ -111,6 +113,7 @@ class DriveSession:
 
     def _on_connection(self) -> None:
         self._tripped = ""
+        self._zeros = None
 
     def _parameters(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
         """Before an emergency stop is handled, because positions are invalid until then. Axes that still move, from a
@@ -123,6 +126,7 @@ class DriveSession:
 
     def _stopping(self, snapshot: StatusSnapshot, now_s: float) -> Missing:
         if self._stop:
+            self._zeros = self._zeros_of(snapshot)
             if not snapshot.emergency_stop:
                 self.emergency_stop()
             self._start.clear_alarms(snapshot, now_s)  # the release waits for them
@@ -142,12 +146,26 @@ class DriveSession:
         cause = self._tripped or "an emergency stop of another source"
         return Stage.TRIPPED, f"{cause}; needs an emergency stop and its release"
 
-    def _homed(self, snapshot: StatusSnapshot, _: float) -> Missing:
-        """Steering of unknown heading does not move. Its servos are on, which homing needs."""
-        unknown = [self._names[axis] for axis in self._steer_axes if not snapshot.home_done[axis]]
-        if not unknown:
-            return None
-        return Stage.HOMING, f"not homed: {', '.join(unknown)}; align the wheels and run robot-stack wmx home"
+    def _homed(self, snapshot: StatusSnapshot, _: float = 0.0) -> Missing:
+        """Steering of unknown heading does not move. Its servos are on, which homing needs.
+
+        Neither does steering that was homed since the last emergency stop: only there the controller replaces its set
+        points by the measured headings, and the former ones refer to another zero.
+        """
+        zeros = self._zeros_of(snapshot)
+        if self._zeros is None:
+            self._zeros = zeros
+        names = [self._names[axis] for axis in self._steer_axes]
+        unknown = [name for name, zero in zip(names, zeros, strict=True) if zero is None]
+        if unknown:
+            return Stage.HOMING, f"not homed: {', '.join(unknown)}; align the wheels and run robot-stack wmx home"
+        homed = [n for n, zero, old in zip(names, zeros, self._zeros, strict=True) if not _same_zero(zero, old)]
+        return (Stage.HOMING, f"homed: {', '.join(homed)}; needs an emergency stop and its release") if homed else None
+
+    def _zeros_of(self, snapshot: StatusSnapshot) -> list[float | None]:
+        """Home offset of each steering axis, rad; None for one whose home is unknown."""
+        offsets, done = snapshot.reals[Real.HOME_OFFSET], snapshot.home_done
+        return [float(offsets[axis]) if done[axis] else None for axis in self._steer_axes]
 
     def _trip(self, _: StatusSnapshot, cause: str) -> tuple[Stage, str]:
         self._tripped = cause
@@ -161,6 +179,9 @@ class DriveSession:
         snapshot = self.look()
         if snapshot is None:
             return Applied(None, self._engine.problem if self.ready else self._not_ready)
+        not_homed = self._homed(snapshot)
+        if not_homed:
+            return Applied(None, not_homed[1])
         return self.move(
             drive_moves(set_points.speeds_mps, self.wheel_speeds_radps(snapshot), self._axes),
             steer_moves(set_points.angles_rad, snapshot.pos_cmd[self._steer_axes].tolist(), self._axes),
@@ -218,3 +239,7 @@ class DriveSession:
     @property
     def _not_ready(self) -> str:
         return f"not ready: {self.state.text}"
+
+
+def _same_zero(zero: float | None, other: float | None) -> bool:
+    return zero is not None and other is not None and abs(zero - other) <= _SAME_ZERO_RAD

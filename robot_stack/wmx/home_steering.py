@@ -1,7 +1,7 @@
 """Homes the robot's steering axes, by an operator's command while the drive holds them with servos on.
 
-An axis without a home does not move (``drive.session``). How its zero is found is a parameter of the axis, imported by
-the drive: the present heading, or the drive's home switch.
+An axis without a home does not move, nor does one that was homed, until an emergency stop (``drive.session``). How its
+zero is found is a parameter of the axis, imported by the drive: the present heading, or the drive's home switch.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Final
 from robot_stack.wmx import MotionEngine
 from robot_stack.wmx.api import OperationState, error_name
 from robot_stack.wmx.axes import Real, StatusSnapshot
+from robot_stack.wmx.homing import homed
 
 _POLL_S: Final = 0.05
 _STANDSTILL_RADPS: Final = 0.02
@@ -35,20 +36,22 @@ def home_axes(
     of axes that have not finished is then cancelled.
     """
     _require(_status(engine), axes, machine)
-    home = engine.core_motion.home
-    for axis, name in axes.items():
-        _checked(name, home.StartHome(axis))
-    left = list(axes)
-    for _ in range(max(1, round(timeout_s / _POLL_S))):
-        pause(_POLL_S)
-        snapshot = _status(engine)
-        left = [axis for axis in axes if not snapshot.home_done[axis] or snapshot.op_state[axis] != OperationState.Idle]
-        if not left:
-            offsets = snapshot.reals[Real.HOME_OFFSET]
-            return {name: float(offsets[axis]) for axis, name in axes.items()}
-    for axis in left:
-        home.Cancel(axis)
-    raise HomingError(f"not homed within {timeout_s:g} s: {', '.join(axes[axis] for axis in left)}")
+    left: list[int] = []
+    try:
+        for axis, name in axes.items():
+            left.append(axis)
+            _checked(name, engine.core_motion.home.StartHome(axis))
+        for _ in range(max(1, round(timeout_s / _POLL_S))):
+            pause(_POLL_S)
+            snapshot = _status(engine)
+            left = [axis for axis in left if not _homed(snapshot, axis, axes[axis])]
+            if not left:
+                offsets = snapshot.reals[Real.HOME_OFFSET]
+                return {name: float(offsets[axis]) for axis, name in axes.items()}
+        raise HomingError(f"not homed within {timeout_s:g} s: {', '.join(axes[axis] for axis in left)}")
+    finally:  # also after an interruption: an axis may be turning towards its switch
+        for axis in left:
+            engine.core_motion.home.Cancel(axis)
 
 
 def _status(engine: MotionEngine) -> StatusSnapshot:
@@ -62,6 +65,19 @@ def _checked(what: str, code: int) -> None:
         raise HomingError(f"{what}: {error_name(code)} (error {code})")
 
 
+def _homed(snapshot: StatusSnapshot, axis: int, name: str) -> bool:
+    code = homed(lambda: False, snapshot, axis)
+    _checked(name, code or 0)
+    return code is not None
+
+
+def _stands(snapshot: StatusSnapshot, axis: int) -> bool:
+    """An axis stopped by velocity 0, as the drive does, is still in a motion for the engine."""
+    at_zero = snapshot.op_state[axis] == OperationState.Velocity and snapshot.velocity_cmd[axis] == 0.0
+    at_rest = at_zero or snapshot.op_state[axis] == OperationState.Idle
+    return at_rest and abs(snapshot.actual_velocity[axis]) <= _STANDSTILL_RADPS
+
+
 def _require(snapshot: StatusSnapshot, axes: Mapping[int, str], machine: Mapping[int, str]) -> None:
     if not snapshot.communicating:
         raise HomingError("the engine does not communicate: start the robot's profile first")
@@ -72,10 +88,6 @@ def _require(snapshot: StatusSnapshot, axes: Mapping[int, str], machine: Mapping
     off = [name for axis, name in axes.items() if not snapshot.servo_on[axis]]
     if off:
         raise HomingError(f"servo off: {', '.join(off)}; the drive switches them on, robot-stack status")
-    moving = [
-        name
-        for axis, name in machine.items()
-        if snapshot.op_state[axis] != OperationState.Idle or abs(snapshot.actual_velocity[axis]) > _STANDSTILL_RADPS
-    ]
+    moving = [name for axis, name in machine.items() if not _stands(snapshot, axis)]
     if moving:
         raise HomingError(f"the robot must stand, these move: {', '.join(moving)}")

@@ -20,11 +20,11 @@ from robot_stack.wmx.api import (
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.general.answers import Answer, failure, joined
 from robot_stack.wmx.general.device import Device
-from robot_stack.wmx.general.homing import home_is_present_position, homed
 from robot_stack.wmx.general.params import GeneralParams
 from robot_stack.wmx.general.requests import Refused, check_finite, check_index, check_lengths
 from robot_stack.wmx.general.waiting import Waits
 from robot_stack.wmx.general.worker import Job
+from robot_stack.wmx.homing import home_is_present_position, homed
 
 _MODES: Final = {0: "Position", 1: "Velocity"}
 _OK: Final = int(ErrorCode.PyNone)

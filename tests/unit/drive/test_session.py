@@ -246,7 +246,26 @@ def test_steering_without_home_does_not_move(story: Story):
     assert story.session.move(DRIVES, STEERS).set_points is None
     assert not {"StartPos", "StartVel_TimedVel"} & set(story.engine.calls)
     story.engine.set_flag(Flag.HOME_DONE, slice(None), 1)
-    story.tick()
+    assert story.tick() == (Stage.HOMING, "homed: fl_steer, rl_steer; needs an emergency stop and its release")
+    story.tick(stop=True)
+    story.tick(0.1)
+    assert story.session.ready
+
+
+def test_steering_with_another_zero_does_not_move_before_an_emergency_stop(story: Story):
+    """The controller's set points still refer to the former zero: the wheels would turn away from straight ahead."""
+    story.ready()
+    set_points = ModuleSetPoints((0.0,) * 4, (1.2,) * 4)
+    assert story.session.follow(set_points).problem == ""
+    story.engine.calls.clear()
+    story.engine.snapshot.reals[Real.HOME_OFFSET, 3] += 1.2
+    text = "homed: fr_steer; needs an emergency stop and its release"
+    assert story.session.follow(set_points).problem == text, "between two polls"
+    assert story.tick(1.0) == (Stage.HOMING, text)
+    assert story.session.follow(set_points).problem == f"not ready: {text}"
+    assert not {"StartPos", "StartVel", "StartVel_TimedVel"} & set(story.engine.calls)
+    story.tick(stop=True)
+    story.tick(0.1)
     assert story.session.ready
 
 

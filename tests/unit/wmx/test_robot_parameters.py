@@ -19,9 +19,11 @@ from robot_stack.wmx.api import (
     AxisCommandMode,
     Config_EStopSignalSource,
     Config_HomeType,
+    CoreMotionErrorCode,
     EngineState,
     EStopLevel,
     Motion_PosCommand,
+    OperationState,
     Profile,
     Velocity_VelCommand,
 )
@@ -216,6 +218,25 @@ def test_an_engine_without_the_import_turns_by_counts() -> None:
     assert counts[1] == pytest.approx(12.0 * 16384 / math.tau, rel=0.02)
 
 
+class SwitchHoming:
+    """Axes that search for their switches without end."""
+
+    def __init__(self, refused: int | None) -> None:
+        self.refused = refused
+        self.started: list[int] = []
+        self.cancelled: list[int] = []
+
+    def StartHome(self, axis: int) -> int:
+        if axis == self.refused:
+            return int(CoreMotionErrorCode.EmergencyStopSignalOn)
+        self.started.append(axis)
+        return 0
+
+    def Cancel(self, axis: int) -> int:
+        self.cancelled.append(axis)
+        return 0
+
+
 class TestHoming:
     INCREMENTAL = robot_parameters(robot(steer={"absolute_encoder": False}))
 
@@ -259,6 +280,47 @@ class TestHoming:
         bench.run(0.2)
         with pytest.raises(HomingError, match="the robot must stand, these move: fl_drive"):
             self.home(bench)
+
+    def test_a_robot_at_rest_under_the_drive_stands(self, bench: Bench) -> None:
+        """The drive commands velocity 0 in every cycle, which is a motion for the engine."""
+        for speed in (1.0, 0.0):
+            command = Velocity_VelCommand(0, Profile.SetupTrapezoidal(speed, 10.0, 10.0))
+            assert bench.device.core_motion.velocity.StartVel(command) == 0
+            bench.run(0.5)
+        assert bench.engine.arrays.flags[Flag.OP_STATE, 0] == OperationState.Velocity
+        assert set(self.home(bench)) == set(STEERING.values())
+
+    @pytest.mark.parametrize(
+        ("fault", "message"),
+        [
+            ("refusal", "fr_steer: EmergencyStopSignalOn"),
+            ("status", "engine status: "),
+            ("interruption", "^$"),
+            ("timeout", "not homed within 0.3 s: fl_steer, fr_steer, rl_steer, rr_steer"),
+            ("emergency stop", "fl_steer: EmergencyStopSignalOn"),
+            ("alarm", "fl_steer: AxisAmpAlarm"),
+        ],
+    )
+    def test_homing_that_ends_early_is_cancelled(self, bench: Bench, fault: str, message: str) -> None:
+        """Axes that turn towards their home switch stop."""
+        home = SwitchHoming(refused=3 if fault == "refusal" else None)
+        bench.device.core_motion.home = home  # type: ignore[assignment]
+
+        def pause(seconds: float) -> None:
+            bench.run(seconds)
+            if fault == "status":
+                bench.device.close()
+            elif fault == "interruption":
+                raise KeyboardInterrupt
+            elif fault == "emergency stop":
+                assert bench.device.core_motion.ExecEStop(EStopLevel.Level1) == 0
+            elif fault == "alarm":
+                bench.engine.arrays.flags[Flag.AMP_ALARM, 1] = 1
+
+        with pytest.raises((HomingError, KeyboardInterrupt), match=message):
+            home_axes(bench.device, STEERING, NAMES, pause=pause, timeout_s=0.3)
+        assert home.started
+        assert set(home.started) <= set(home.cancelled)
 
     def test_bus_servos_and_no_emergency_stop_are_needed(self, bench: Bench) -> None:
         with pytest.raises(HomingError, match="servo off: fl_steer, fr_steer, rl_steer, rr_steer; the drive"):

@@ -6,7 +6,7 @@ import pytest
 
 from robot_stack.wmx.api import CoreMotionErrorCode, ErrorCode, OperationState
 from robot_stack.wmx.axes import Flag
-from robot_stack.wmx.general.homing import homed
+from robot_stack.wmx.homing import homed
 from tests.unit.wmx_general.snapshots import standing
 
 
