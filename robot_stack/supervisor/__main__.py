@@ -45,6 +45,8 @@ def main() -> int:
     except (ConfigError, AlreadyRunning, ValueError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
+    if run_dir == Path(os.devnull):
+        print(f"{options.log_dir}: no space left, this run has no logs", file=sys.stderr)
     if not options.foreground:
         child.write_to(run_dir / "supervisor.log")
     os.environ.update(ros_environment())

@@ -97,16 +97,21 @@ def _follow_the_supervisor(orphaned: threading.Event, grace_s: float) -> None:
         return
     connection.wait([supervisor.sentinel])
     orphaned.set()
-    print("the supervisor has died: this process stops", file=sys.stderr, flush=True)
     # The middleware may hang while it is taken down, with the interpreter lock: no thread would run then.
     signal.alarm(math.ceil(grace_s) + 1)
     os.kill(os.getpid(), signal.SIGINT)
+    with contextlib.suppress(OSError):  # the disk may be full
+        print("the supervisor has died: this process stops", file=sys.stderr, flush=True)
     time.sleep(grace_s)
     os.killpg(0, signal.SIGKILL)
 
 
 def write_to(log: Path) -> None:
-    file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    """Redirects the outputs to a file; a log that cannot be written is lost."""
+    try:
+        file = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o644)
+    except OSError:
+        file = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
         os.dup2(file, stream)
     os.close(file)

@@ -15,6 +15,7 @@ from typing import Any
 import yaml
 
 from robot_stack.contract.model import Process
+from robot_stack.core.runtime import runtime_dir
 from robot_stack.supervisor import child, orphans, preload
 from robot_stack.supervisor.params import SupervisorParams
 from robot_stack.supervisor.profile import Plan
@@ -30,7 +31,8 @@ class Fleet:
         self._run_dir = run_dir
         self._params = params
         self._environment = dict(plan.environment)
-        self._parameters = plan.parameters
+        # Written once: a restart must not depend on a disk.
+        self._arguments = {p.name: _arguments(p, plan.parameters) for p in plan.processes}
         self._context = multiprocessing.get_context("forkserver")
         self._processes: dict[str, ForkServerProcess] = {}
         os.environ[preload.MODULES_VARIABLE] = ",".join(p.module for p in plan.processes if p.module)
@@ -43,7 +45,7 @@ class Fleet:
         start = child.Start(
             name=process.name,
             module=process.module,
-            arguments=self._arguments(process),
+            arguments=self._arguments[process.name],
             environment=self._environment,
             log=self._run_dir / f"{process.name}.log",
             niceness=self._params.niceness[process.criticality],
@@ -88,20 +90,19 @@ class Fleet:
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(pid, number)
 
-    def _arguments(self, process: Process) -> tuple[str, ...]:
-        parameters = {node: self._parameters[node] for node in process.nodes if node in self._parameters}
-        files = [] if not parameters else ["--params-file", str(self._write(process.name, parameters))]
-        return ("--ros-args", *_ROS_ARGUMENTS, *files)
 
-    def _write(self, name: str, parameters: Mapping[str, Mapping[str, Any]]) -> Path:
-        """Writes the active overrides as a ROS parameter file beside the logs."""
-        path = self._run_dir / f"{name}.parameters.yaml"
-        tree = {
-            node: {"ros__parameters": {key: ros_value(value) for key, value in values.items()}}
-            for node, values in parameters.items()
-        }
-        path.write_text(yaml.safe_dump(tree), encoding="utf-8")
-        return path
+def _arguments(process: Process, overrides: Mapping[str, Mapping[str, Any]]) -> tuple[str, ...]:
+    """overrides: parameters in force instead of the files', by node; they go into a ROS parameter file in memory."""
+    tree = {
+        node: {"ros__parameters": {key: ros_value(value) for key, value in overrides[node].items()}}
+        for node in process.nodes
+        if node in overrides
+    }
+    if not tree:
+        return ("--ros-args", *_ROS_ARGUMENTS)
+    path = runtime_dir() / f"{process.name}.parameters.yaml"
+    path.write_text(yaml.safe_dump(tree), encoding="utf-8")
+    return ("--ros-args", *_ROS_ARGUMENTS, "--params-file", str(path))
 
 
 def ros_value(value: Any) -> Any:

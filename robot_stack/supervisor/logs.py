@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import shutil
@@ -10,6 +11,7 @@ from pathlib import Path
 
 from robot_stack.core.runtime import state_home
 
+_FULL = (errno.ENOSPC, errno.EDQUOT)
 _RUN = re.compile(r"\d{8}-\d{6}(-\d+)?-domain-\d+")
 
 
@@ -20,11 +22,17 @@ def default_log_dir() -> Path:
 def new_run(log_dir: Path, domain: int, now: datetime, keep_runs: int) -> Path:
     """Makes the folder of a new run, moves ``latest`` to it and deletes the oldest runs beyond ``keep_runs``.
 
-    Raises OSError if the folder cannot be made.
+    On a full disk there is none: the result is /dev/null, and the logs of the run are lost. Raises OSError if the
+    folder cannot be made for another reason.
     """
-    log_dir.mkdir(parents=True, exist_ok=True)
-    run = _make(log_dir, f"{now:%Y%m%d-%H%M%S}", domain)
-    _point(log_dir / "latest", run)
+    try:
+        log_dir.mkdir(parents=True, exist_ok=True)
+        run = _make(log_dir, f"{now:%Y%m%d-%H%M%S}", domain)
+        _point(log_dir / "latest", run)
+    except OSError as error:
+        if error.errno not in _FULL:
+            raise
+        return Path(os.devnull)
     for old in _runs(log_dir)[:-keep_runs]:
         shutil.rmtree(old, ignore_errors=True)
     return run

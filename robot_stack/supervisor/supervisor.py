@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import selectors
 import signal
@@ -279,4 +280,5 @@ class Supervisor:
 
 def _log(text: str) -> None:
     now = datetime.now().isoformat(sep=" ", timespec="milliseconds")
-    print(f"{now} {text}", file=sys.stderr, flush=True)
+    with contextlib.suppress(OSError):  # of a full disk, or a terminal that has gone
+        print(f"{now} {text}", file=sys.stderr, flush=True)
