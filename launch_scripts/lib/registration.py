@@ -54,7 +54,8 @@ def register(root: Path, prefix: Path, variables: dict[str, str]) -> None:
 
 
 def _install_hook(prefix: Path) -> None:
-    site = Path(sysconfig.get_path("purelib", vars={"base": str(prefix)}))
+    # By name: Debian's interpreter has another default scheme, whose folder is no folder of hooks.
+    site = Path(sysconfig.get_path("purelib", "venv", vars={"base": str(prefix)}))
     replace_file(site / f"{_HOOK_NAME}.py", _HOOK.read_text())
     replace_file(site / f"{_HOOK_NAME}.pth", f"import {_HOOK_NAME}\n")
 

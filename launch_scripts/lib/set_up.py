@@ -189,7 +189,7 @@ def core_module(name: str) -> ModuleType:
 
 def compile_modules() -> None:
     """Where Python keeps no compiled modules, each of a dozen processes would recompile all of them."""
-    folders = [sysconfig.get_path("purelib", vars={"base": str(PREFIX)}), *(str(ROOT / name) for name in OWN)]
+    folders = [sysconfig.get_path("purelib", "venv", vars={"base": str(PREFIX)}), *(str(ROOT / name) for name in OWN)]
     command = [str(PYTHON), "-m", "compileall", "-q", "-q", "--workers", "0", *folders]
     subprocess.run(command, check=False)  # some packages carry files of other Python versions, which are never imported
 

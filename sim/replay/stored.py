@@ -27,7 +27,9 @@ def stored_configuration(configuration: bytes) -> Iterator[None]:
         shutil.copytree(config_dir(), folder, ignore=shutil.ignore_patterns("*.yaml"))
         try:
             with tarfile.open(fileobj=io.BytesIO(configuration), mode="r:gz") as archive:
-                archive.extractall(name, filter="data")
+                for member in archive:
+                    if content := archive.extractfile(member):
+                        _write(Path(name), member.name, content.read())
         except (tarfile.TarError, OSError, EOFError) as error:
             raise ReplayError(f"the configuration stored with the recording cannot be read: {error}") from None
         os.environ["ROBOT_STACK_CONFIG"] = str(folder)
@@ -38,3 +40,12 @@ def stored_configuration(configuration: bytes) -> Iterator[None]:
                 os.environ.pop("ROBOT_STACK_CONFIG", None)
             else:
                 os.environ["ROBOT_STACK_CONFIG"] = before
+
+
+def _write(folder: Path, name: str, content: bytes) -> None:
+    """Writes a file of the archive; the filter of ``extractall`` is missing before Python 3.11.4."""
+    path = (folder / name).resolve()
+    if not path.is_relative_to(folder.resolve()):
+        raise tarfile.TarError(f"{name} is outside of the folder")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)

@@ -50,7 +50,6 @@ class Device:
                 sample = self.unit.sample(MOTION)
                 if self.unit.measuring and self.send:
                     self.line.send(self.extra + sample)
-                    self.extra = b""
 
     def close(self) -> None:
         self._ended.set()
@@ -90,9 +89,10 @@ def test_samples_silence_and_a_pulled_cable(start: Start, peer: Peer, device: De
     assert abs(stamps[-1] - time.time()) < 30.0
     assert mountings.last.transforms[0].child_frame_id == "imu"
     says(diagnostics, "xsens_driver", "samples arrive")
-    # Garbage and a corrupt frame are counted, and the next sample arrives.
+    # Garbage and a corrupt frame are counted, and the next sample arrives. A line that is full loses some of them.
     device.extra = b"\x00\x01" + frame(0x36, b"\x10\x60\x04\x00")[:-1] + b"\x00"
     wait_for(lambda: int(says(diagnostics, "xsens_driver", "samples arrive")["frames corrupt"]) > 0, "a corrupt frame")
+    device.extra = b""
     # The unit stops sending on an open line.
     device.send = False
     says(diagnostics, "xsens_driver", "no data arrives")
