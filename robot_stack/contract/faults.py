@@ -103,6 +103,7 @@ BY_CODE: dict[str, Fault] = {fault.code: fault for fault in FAULTS}
 # Reasons of a speed limit that are not faults.
 PASSENGER_ONBOARD = "PASSENGER_ONBOARD"
 UNDOCKING = "UNDOCKING"  # the latch is open, and the docking controller backs off from the wheelchair
+DOCKING = "DOCKING"  # the robot moves into a dock, whose parts do not count as obstacles
 WAY_UNSEEN = "WAY_UNSEEN"  # the motion leads into an area that is neither observed nor in the memory
 SIGHT_STALE = "SIGHT_STALE"  # the newest obstacle points are old, OBSTACLES_TIMEOUT is not raised yet
 

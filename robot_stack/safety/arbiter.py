@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from robot_stack.contract.faults import PASSENGER_ONBOARD, SIGHT_STALE, UNDOCKING, WAY_UNSEEN
+from robot_stack.contract.faults import DOCKING, PASSENGER_ONBOARD, SIGHT_STALE, UNDOCKING, WAY_UNSEEN
 from robot_stack.contract.model import SafetyAction, SafetyState
 from robot_stack.core.limits import STANDSTILL, SafetyLimit, SpeedLimit
 from robot_stack.safety.rows import ActiveRow
@@ -30,6 +30,7 @@ def arbitrate(
     passenger: SpeedLimit | None,
     unseen: SpeedLimit | None = None,
     undocking: SpeedLimit | None = None,
+    docking: SpeedLimit | None = None,
     stale_sight: SpeedLimit | None = None,
 ) -> Verdict:
     """The verdict on the rows in force.
@@ -40,12 +41,14 @@ def arbitrate(
         passenger: limits with a passenger aboard, None without one.
         unseen: limits where the way leads into space neither seen nor remembered, None elsewhere.
         undocking: limits of undocking from a wheelchair, None at all other times.
+        docking: limits while the parts of a dock are no obstacles, None at all other times.
         stale_sight: limits while the newest obstacle points are stale, None while they are fresh.
     """
     limits = [(row.code, limit) for row in rows if (limit := _limit_of(row)) is not None]
     others = (
         (PASSENGER_ONBOARD, passenger),
         (UNDOCKING, undocking),
+        (DOCKING, docking),
         (WAY_UNSEEN, unseen),
         (SIGHT_STALE, stale_sight),
     )

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from robot_stack.core.geometry import ZERO_TWIST, Twist2
+from robot_stack.core.robot import Motion
 from robot_stack.safety.collision import FREE, Approach, Floats, Outline, approach
 from robot_stack.safety.obstacle_params import CollisionParams
 from robot_stack.safety.pedestrian_collision import NO_COLLISION, PedestrianCollision
@@ -18,7 +19,8 @@ class CollisionPrediction:
 
     unseen: of any of them to the end of known space. nearest_m: distance of the nearest obstacle to the footprint,
     infinite without one. reach_m: largest distance of the footprint from base_link. brake_mps2: the robot's largest
-    deceleration. no_ground: approach of a motion ahead to the end of known ground. measured: the twist by the wheels.
+    deceleration. motion: of a ride, by which the drive follows a limit that falls. no_ground: approach of a motion ahead
+    to the end of known ground. measured: the twist by the wheels.
     """
 
     moving: Approach
@@ -27,6 +29,7 @@ class CollisionPrediction:
     nearest_m: float
     reach_m: float
     brake_mps2: float
+    motion: Motion
     pedestrian_collision: PedestrianCollision = NO_COLLISION
     no_ground: Approach = FREE
     measured: Twist2 = ZERO_TWIST
@@ -65,6 +68,7 @@ def look_ahead(
     requested: Twist2,
     params: CollisionParams,
     brake_mps2: float,
+    motion: Motion,
 ) -> CollisionPrediction:
     """Judges the motions, base_link.
 
@@ -88,25 +92,29 @@ def look_ahead(
         nearest_m=nearest_m,
         reach_m=body.reach(),
         brake_mps2=brake_mps2,
+        motion=motion,
         measured=measured,
     )
 
 
 def speed_limit_mps(clearance_m: float, params: CollisionParams, brake_mps2: float) -> float:
     """Allowed speed with this clearance ahead, m/s."""
-    stoppable_mps = _stoppable_mps(clearance_m - params.stop_clearance_m, params, brake_mps2)
+    stoppable_mps = _stoppable_mps(clearance_m - params.stop_clearance_m, params.reaction_s, brake_mps2, params)
     in_time_mps = math.floor(clearance_m / params.approach_s / params.step_mps) * params.step_mps
     return max(params.slowest_mps, min(in_time_mps, stoppable_mps))
 
 
-def seen_limit_mps(clearance_m: float, params: CollisionParams, brake_mps2: float) -> float:
-    """Allowed speed to stop within this length of way that is seen or remembered, m/s."""
-    return max(params.unseen_mps, _stoppable_mps(clearance_m - params.margin_m, params, brake_mps2))
+def seen_limit_mps(clearance_m: float, params: CollisionParams, motion: Motion) -> float:
+    """Allowed speed to stop within this length of way that is seen or remembered, m/s.
+
+    The drive follows the limit as in a ride, within acceleration and jerk. Emergency braking remains for what appears.
+    """
+    return max(params.unseen_mps, _slowed_mps(clearance_m - params.margin_m, params, motion))
 
 
-def ground_limit_mps(clearance_m: float, params: CollisionParams, brake_mps2: float) -> float:
-    """Allowed speed to stop before known ground ends, m/s; 0 at the latest ``ground_margin_m`` before."""
-    return _stoppable_mps(clearance_m - params.ground_margin_m, params, brake_mps2)
+def ground_limit_mps(clearance_m: float, params: CollisionParams, motion: Motion) -> float:
+    """Allowed speed to stop as in a ride before known ground ends, m/s; 0 at the latest ``ground_margin_m`` before."""
+    return _slowed_mps(clearance_m - params.ground_margin_m, params, motion)
 
 
 def onto_no_ground(ends: Floats | None, body: Outline, twists: Sequence[Twist2], params: CollisionParams) -> Approach:
@@ -119,9 +127,14 @@ def rests(twist: Twist2, params: CollisionParams) -> bool:
     return twist.speed() <= params.rest_mps and abs(twist.omega) <= params.rest_radps
 
 
-def _stoppable_mps(way_m: float, params: CollisionParams, brake_mps2: float) -> float:
+def _slowed_mps(way_m: float, params: CollisionParams, motion: Motion) -> float:
+    jerk_s = motion.max_acceleration_mps2 / motion.max_jerk_mps3
+    return _stoppable_mps(way_m, params.reaction_s + jerk_s, motion.max_acceleration_mps2, params)
+
+
+def _stoppable_mps(way_m: float, reaction_s: float, brake_mps2: float, params: CollisionParams) -> float:
     """Speed that stops within the way, in steps, so that a noisy way does not change the limit at every tick."""
-    lost = brake_mps2 * params.reaction_s
+    lost = brake_mps2 * reaction_s
     speed_mps = math.sqrt(lost * lost + 2.0 * brake_mps2 * max(way_m, 0.0)) - lost
     return math.floor(speed_mps / params.step_mps) * params.step_mps
 

@@ -164,11 +164,11 @@ def unseen_limit(now: Snapshot, params: SafetyParams) -> SpeedLimit | None:
     prediction = now.prediction
     if prediction is None or "OBSTACLES_TIMEOUT" not in params.rows:
         return None
-    p, brake_mps2, linear_mps = params.collision, prediction.brake_mps2, math.inf
+    p, motion, linear_mps = params.collision, prediction.motion, math.inf
     if not math.isinf(prediction.unseen.clearance_m):
-        linear_mps = seen_limit_mps(prediction.unseen.clearance_m, p, brake_mps2)
+        linear_mps = seen_limit_mps(prediction.unseen.clearance_m, p, motion)
     if not math.isinf(prediction.no_ground.clearance_m):
-        linear_mps = min(linear_mps, ground_limit_mps(prediction.no_ground.clearance_m, p, brake_mps2))
+        linear_mps = min(linear_mps, ground_limit_mps(prediction.no_ground.clearance_m, p, motion))
     return None if math.isinf(linear_mps) else SpeedLimit(linear_mps, linear_mps / prediction.reach_m)
 
 

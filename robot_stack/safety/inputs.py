@@ -192,6 +192,7 @@ class Snapshot:
     contact: judgement of the safety edge, made by ``EdgeWatch``.
     chair_loose, latch_not_closed: judgement of the latch and the wheelchair on it, made by ``ChairWatch``.
     undocking: the limit while the robot undocks from a wheelchair that the latch does not hold, else None.
+    docking: the limit while the robot moves into a dock, whose parts are no obstacles, else None.
     steering: judgement of commanded and measured headings, made by ``SteeringWatch``.
     drive: judgement of the drives, made by ``DriveWatch`` because it needs their history.
     inclination_rad: angle between base_link's z axis and the vertical, NaN = unknown.
@@ -214,6 +215,7 @@ class Snapshot:
     chair_loose: Finding
     latch_not_closed: Finding
     undocking: SpeedLimit | None
+    docking: SpeedLimit | None
     steering: Finding
     drive: Finding
     overspeed: Finding

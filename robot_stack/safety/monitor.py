@@ -93,7 +93,9 @@ class SafetyMonitor:
         passenger = self._with_passenger if self.passenger else None
         unseen = unseen_limit(snapshot, self._params)
         stale_sight = stale_sight_limit(snapshot, self._params)
-        verdict = arbitrate(self._active(), self._own, passenger, unseen, snapshot.undocking, stale_sight)
+        verdict = arbitrate(
+            self._active(), self._own, passenger, unseen, snapshot.undocking, snapshot.docking, stale_sight
+        )
         self.observation.limited(verdict.limit, now_s)
         return verdict
 

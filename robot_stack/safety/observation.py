@@ -61,6 +61,7 @@ class Observation:
     ) -> None:
         self._started_s = now_s
         undocking = SpeedLimit(params.undocking.max_speed_mps, params.undocking.max_yaw_rate_radps)
+        self._docking_limit = SpeedLimit(params.docking.max_speed_mps, params.docking.max_yaw_rate_radps)
         self.chair = ChairWatch(passenger, undocking, stale_s(topics.LATCH_STATUS))
         self.edge = EdgeWatch(robot.safety_edge is not None, params.button_debounce_s)
         self._settle_s = params.startup_settle_s
@@ -188,6 +189,7 @@ class Observation:
             chair_loose=self.chair.loose(stands),
             latch_not_closed=self.chair.not_held(source, now_s),
             undocking=self.chair.undocking(source, now_s),
+            docking=self._docking_limit if self._docks(now_s) else None,
             steering=self.steering.judge(now_s),
             drive=self.drive.judge(emergency or bool(estop), complete, now_s),
             overspeed=self._overspeed.judge(self.wheels.twist(now_s, stale_s(topics.JOINT_STATES)), now_s),
@@ -246,7 +248,6 @@ class Observation:
         stands = self.wheels.still_for_s(now_s, stale_s(topics.JOINT_STATES)) is not None
         if not self.surroundings.known or (stands and not sighted):
             return None
-        docking = age_s(now_s, self._last_way_s) <= stale_s(topics.DOCKING_STATUS)
         # A wheelchair stays in place during undocking: it does not move with the robot.
         undocking = self.chair.undocking(self.commands.leading(now_s), now_s) is not None
         footprint = self._body() if undocking else self._footprint()
@@ -254,7 +255,7 @@ class Observation:
         measured = self.wheels.twist(now_s, stale_s(topics.JOINT_STATES))
         driven, requested = self.commands.driven(now_s), self.commands.requested(now_s)
         unseen = self.surroundings.unseen(stale_s(topics.UNSEEN_SPACE), now_s)
-        points = self.surroundings.points(docking, stale_s(topics.DOCKING_TARGET), now_s)
+        points = self.surroundings.points(self._docks(now_s), stale_s(topics.DOCKING_TARGET), now_s)
 
         def ahead(shape: Footprint) -> CollisionPrediction:
             return look_ahead(
@@ -267,6 +268,7 @@ class Observation:
                 requested,
                 self._collision,
                 self._robot.emergency_deceleration_mps2,
+                self._robot.motion(self.chair.carried),
             )
 
         seen = ahead(footprint)
@@ -283,6 +285,11 @@ class Observation:
             moving, seen.nearest_m, outline_of(footprint), motions, requested, now_s
         )
         return replace(seen, pedestrian_collision=pedestrian_collision)
+
+    def _docks(self, now_s: float) -> bool:
+        """The docking controller moves the robot into a dock, and no other source commands it."""
+        fresh = age_s(now_s, self._last_way_s) <= stale_s(topics.DOCKING_STATUS)
+        return fresh and self.commands.leading(now_s) in (None, topics.DOCKING_CMD_VEL.name)
 
     def _body(self) -> Footprint:
         """The robot's own footprint; it includes a wheelchair only on a latch that is confirmed closed."""

@@ -60,8 +60,8 @@ class SteeringParams(Config):
     hold_s: Positive
 
 
-class UndockingParams(Config):
-    """The speed limit of undocking from a wheelchair that the latch does not hold."""
+class DockParams(Config):
+    """A speed limit at a dock."""
 
     max_speed_mps: Positive
     max_yaw_rate_radps: Positive
@@ -102,7 +102,8 @@ class SafetyParams(Config):
     stop_sources: StopSourceParams
     overspeed: OverspeedParams
     steering: SteeringParams
-    undocking: UndockingParams
+    undocking: DockParams
+    docking: DockParams
 
     tilt_stop_deg: Degrees
     tilt_clear_deg: Degrees

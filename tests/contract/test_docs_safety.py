@@ -17,7 +17,7 @@ from robot_stack.contract.processes import HEARTBEAT_STALE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 SAFETY, HAZARDS = (ROOT / "docs" / name for name in ("safety.md", "hazards.md"))
-REASONS = {faults.PASSENGER_ONBOARD, faults.SIGHT_STALE, faults.UNDOCKING, faults.WAY_UNSEEN}
+REASONS = {faults.DOCKING, faults.PASSENGER_ONBOARD, faults.SIGHT_STALE, faults.UNDOCKING, faults.WAY_UNSEEN}
 COLUMNS = ["id", "hazard and situation", "S F P, level", "measure", "fault", "code", "test", "residual risk"]
 # Risk graph of ISO 13849-1, Annex A.
 LEVELS = {
@@ -105,6 +105,8 @@ NUMBERS: list[tuple[str, list[float], str]] = [
     ("Permitted speed", [100 * P["overspeed"]["deceleration_share"]], "%"),
     ("PASSENGER_ONBOARD", [ROBOT["with_passenger"]["max_speed_mps"]], "m/s"),
     ("UNDOCKING", [P["undocking"]["max_speed_mps"]], "m/s"),
+    ("DOCKING", [P["docking"]["max_speed_mps"]], "m/s"),
+    ("DOCKING", [P["docking"]["max_yaw_rate_radps"]], "rad/s"),
     ("WAY_UNSEEN", [COLLISION["unseen_mps"]], "m/s"),
     ("SIGHT_STALE", [P["obstacles"]["sight_stale_s"]], "s"),
     ("SIGHT_STALE", [COLLISION["unseen_mps"]], "m/s"),

@@ -93,6 +93,11 @@ def test_a_way_into_the_unseen_limits_and_is_no_fault(
 def test_undocking_is_a_limit_and_no_fault() -> None:
     now = arbitrate([], OWN, PASSENGER, None, SpeedLimit(0.15, 0.1))
     assert now == verdict(SafetyAction.NONE, SafetyState.NORMAL, "", (0.15, 0.1), "UNDOCKING")
+
+
+def test_docking_is_a_limit_and_no_fault() -> None:
+    now = arbitrate([], OWN, PASSENGER, docking=SpeedLimit(0.2, 0.1))
+    assert now == verdict(SafetyAction.NONE, SafetyState.NORMAL, "", (0.2, 0.1), "DOCKING")
     assert arbitrate([STOP], OWN, PASSENGER, None, SpeedLimit(0.15, 0.1)).limit.codes == ("STOP",)
 
 

@@ -23,9 +23,9 @@ from robot_stack.safety.collision_prediction import (
 )
 from robot_stack.safety.commands import CommandWatch
 from robot_stack.safety.lidar_watch import LidarWatch
-from tests.unit.safety.story import PARAMS, SWEEP
+from tests.unit.safety.story import PARAMS, ROBOT, SWEEP
 
-P = PARAMS.collision
+P, RIDE = PARAMS.collision, ROBOT.with_passenger
 BODY, WIDENED = Outline(0.5, -0.5, 0.35), Outline(0.5, -0.5, 0.35)
 AHEAD, BACK, TURN = Twist2(0.5, 0.0, 0.0), Twist2(-0.5, 0.0, 0.0), Twist2(0.0, 0.0, 0.3)
 POLE = np.array([[1.5, 0.0, 1.0]])
@@ -40,11 +40,11 @@ def look(
     points: NDArray[np.float64] = POLE,
     unseen: NDArray[np.float64] | None = NOTHING,
 ) -> CollisionPrediction:
-    return look_ahead(points, unseen, BODY, WIDENED, measured, driven, requested, P, 2.0)
+    return look_ahead(points, unseen, BODY, WIDENED, measured, driven, requested, P, 2.0, RIDE)
 
 
 def test_robot_at_standstill_without_request_has_no_collision() -> None:
-    assert look() == CollisionPrediction(FREE, FREE, FREE, 1.0, pytest.approx(math.hypot(0.5, 0.35)), 2.0)
+    assert look() == CollisionPrediction(FREE, FREE, FREE, 1.0, pytest.approx(math.hypot(0.5, 0.35)), 2.0, RIDE)
     assert look(points=np.empty((0, 3))).nearest_m == math.inf
 
 
@@ -90,7 +90,9 @@ def test_a_silent_drive_is_judged_by_the_wish() -> None:
 
 def test_margin_widens_the_swept_path_and_not_the_distance() -> None:
     beside = np.array([[1.5, 0.38, 1.0]])
-    found = look_ahead(beside, NOTHING, BODY, Outline(0.55, -0.55, 0.4, 0.05), ZERO_TWIST, AHEAD, ZERO_TWIST, P, 2.0)
+    found = look_ahead(
+        beside, NOTHING, BODY, Outline(0.55, -0.55, 0.4, 0.05), ZERO_TWIST, AHEAD, ZERO_TWIST, P, 2.0, RIDE
+    )
     assert found.moving.clearance_m == pytest.approx(1.0)
     assert found.nearest_m == pytest.approx(math.hypot(1.0, 0.03))
     assert look(driven=AHEAD, points=beside).moving == FREE
@@ -153,16 +155,17 @@ def test_only_motions_ahead_lead_onto_no_ground() -> None:
 
 @pytest.mark.parametrize("clearance_m", [0.0, P.ground_margin_m, P.ground_margin_m + 0.001])
 def test_where_ground_ends_the_robot_stands(clearance_m: float) -> None:
-    assert ground_limit_mps(clearance_m, P, 2.0) == 0.0
+    assert ground_limit_mps(clearance_m, P, RIDE) == 0.0
 
 
 @given(st.floats(0.0, 20.0))
 def test_the_robot_can_stop_before_ground_ends(clearance_m: float) -> None:
-    speed = ground_limit_mps(clearance_m, P, 2.0)
+    """At 0.5 m/s2 with a passenger, which takes 0.5 s to build up."""
+    speed = ground_limit_mps(clearance_m, P, RIDE)
     way_m = max(clearance_m - P.ground_margin_m, 0.0)
-    assert speed * P.reaction_s + speed * speed / 4.0 <= way_m + 1e-9
+    assert speed * (P.reaction_s + 0.5) + speed * speed <= way_m + 1e-9
     faster = speed + 2.0 * P.step_mps
-    assert faster * P.reaction_s + faster * faster / 4.0 > way_m
+    assert faster * (P.reaction_s + 0.5) + faster * faster > way_m
 
 
 def test_without_unseen_cloud_all_space_is_unseen() -> None:
@@ -172,11 +175,11 @@ def test_without_unseen_cloud_all_space_is_unseen() -> None:
 
 @pytest.mark.parametrize(
     ("clearance_m", "speed_mps"),
-    # 2 m/s2, 0.3 s, 0.05 m of margin: sqrt(0.36 + 4 * (clearance - 0.05)) - 0.6
-    [(0.0, 0.3), (0.05, 0.3), (0.1625, 0.3), (0.30, 0.56), (1.05, 1.48), (1.10, 1.53), (4.5, 3.66)],
+    # 0.5 m/s2, 0.3 s + 0.5 s, 0.05 m of margin: sqrt(0.16 + clearance - 0.05) - 0.4
+    [(0.0, 0.3), (0.05, 0.3), (0.38, 0.3), (1.05, 0.67), (1.85, 0.99), (4.5, 1.74)],
 )
 def test_the_speed_that_can_be_stopped_within_the_seen_part(clearance_m: float, speed_mps: float) -> None:
-    assert seen_limit_mps(clearance_m, P, 2.0) == pytest.approx(speed_mps)
+    assert seen_limit_mps(clearance_m, P, RIDE) == pytest.approx(speed_mps)
 
 
 # --- commands --------------------------------------------------------------------------------------------------------

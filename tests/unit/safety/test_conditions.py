@@ -17,13 +17,13 @@ from robot_stack.safety.collision_prediction import CollisionPrediction, seen_li
 from robot_stack.safety.conditions import CONDITIONS, stale_s, stale_sight_limit, unseen_limit
 from robot_stack.safety.inputs import CLEAR, ComputerState, Finding, Level, ProcessAge, Snapshot
 from robot_stack.safety.pedestrian_collision import PedestrianCollision
-from tests.unit.safety.story import PARAMS
+from tests.unit.safety.story import PARAMS, ROBOT
 
 NONE, WARN, LIMIT, STOP, EMERGENCY = SafetyAction
 DEGRADED_LIMIT = SpeedLimit(0.5, 0.5)
 UNKNOWN = Finding(Level.UNKNOWN)
 COOL = ComputerState(temperature_c=50.0, cpu_percent=20.0, cpu_high_for_s=0.0, memory_percent=40.0, disk_percent=60.0)
-FREE_WAY = CollisionPrediction(FREE, FREE, FREE, math.inf, reach_m=0.5, brake_mps2=2.0)
+FREE_WAY = CollisionPrediction(FREE, FREE, FREE, math.inf, reach_m=0.5, brake_mps2=2.0, motion=ROBOT.with_passenger)
 WELL = Snapshot(
     uptime_s=100.0,
     estop="",
@@ -32,6 +32,7 @@ WELL = Snapshot(
     chair_loose=CLEAR,
     latch_not_closed=CLEAR,
     undocking=None,
+    docking=None,
     steering=CLEAR,
     overspeed=CLEAR,
     joint_states_up=True,
@@ -424,7 +425,7 @@ def test_speed_limit_stops_within_the_seen_path() -> None:
     ends = replace(FREE_WAY, unseen=Approach(1.0, 1.5), reach_m=0.4)
     found = limit(ends)
     assert found is not None
-    assert found.linear_mps == seen_limit_mps(1.5, PARAMS.collision, 2.0)
+    assert found.linear_mps == seen_limit_mps(1.5, PARAMS.collision, ROBOT.with_passenger)
     assert 0.0 < found.linear_mps < 2.0
     assert found.angular_radps == pytest.approx(found.linear_mps / 0.4)
 
@@ -433,7 +434,7 @@ def test_speed_limit_stops_at_the_end_of_known_ground() -> None:
     for clearance_m, unseen_m, linear_mps in (
         (0.1, math.inf, 0.0),
         (0.1, 0.1, 0.0),
-        (0.4, math.inf, 0.56),
+        (0.4, math.inf, 0.24),
         (5.0, 0.1, 0.3),
     ):
         ends = replace(FREE_WAY, no_ground=Approach(1.0, clearance_m), unseen=Approach(1.0, unseen_m), reach_m=0.5)
