@@ -222,6 +222,7 @@ class SpaceParams(Config):
     if a person could have entered it: from another such place, or from returns within ``enter_m`` of it.
     memory_m: motion, a turn counting by ``lever_m``, after which the place of an obstacle not observed since is no
     longer reliable.
+    jump_m, jump_rad: motion between two views, beyond what the greatest speeds explain, of a restarted odometry.
     """
 
     size_m: Annotated[float, Field(ge=2.0, le=50.0)]
@@ -236,6 +237,7 @@ class SpaceParams(Config):
     memory_m: Positive
     lever_m: NotNegative
     jump_m: Positive
+    jump_rad: Positive
     attach_margin_m: NotNegative
     moving_objects: MovingObjectParams
 

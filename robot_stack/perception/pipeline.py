@@ -152,7 +152,7 @@ class Pipeline:
     def _pose_at(self, stamp_s: float) -> Pose2:
         """base_link in odom; a restart of odometry clears all stored observations, whose frame was another."""
         pose = self.motion.pose_at(stamp_s)
-        if self.space.has_jumped(pose):
+        if self.space.has_jumped(pose, stamp_s):
             self.forget()
         return pose
 

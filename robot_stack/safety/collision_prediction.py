@@ -19,8 +19,8 @@ class CollisionPrediction:
 
     unseen: of any of them to the end of known space. nearest_m: distance of the nearest obstacle to the footprint,
     infinite without one. reach_m: largest distance of the footprint from base_link. brake_mps2: the robot's largest
-    deceleration. motion: of a ride, by which the drive follows a limit that falls. no_ground: approach of a motion ahead
-    to the end of known ground. measured: the twist by the wheels.
+    deceleration. motion: of a ride, by which the drive follows a limit that falls. no_ground: approach of a motion
+    ahead to the end of known ground. measured: the twist by the wheels.
     """
 
     moving: Approach

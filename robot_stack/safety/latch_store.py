@@ -103,7 +103,7 @@ class LatchStore:
         self._newest = self._stored = Record(0, Memory())
         self._waiting_since_s = 0.0
         self._writing = False
-        self._retry_at_s = math.inf
+        self._retry_at_s = self._retry_shadow_at_s = math.inf
         self._shadow_problem = self._disk_problem = ""
 
     def load(self) -> Memory:
@@ -129,15 +129,10 @@ class LatchStore:
     def save(self, memory: Memory) -> None:
         """Keeps ``memory`` from now on. Never raises and never waits for a disk: ``problem`` reports errors."""
         self._saved = memory
-        record = Record(self._newest.generation + 1, memory)
-        try:
-            replace_file(self._shadow, encode(record), durable=False, mode=0o600)
-            self._shadow_problem = ""
-        except OSError as error:
-            self._shadow_problem = str(error)
         if self._newest is self._stored:
             self._waiting_since_s = self._now_s()
-        self._newest = record
+        self._newest = Record(self._newest.generation + 1, memory)
+        self._write_shadow()
         if not self._writing:
             self._write_newest()
 
@@ -151,6 +146,8 @@ class LatchStore:
         now_s = self._now_s()
         if now_s >= self._retry_at_s:
             self._write_newest()
+        if now_s >= self._retry_shadow_at_s:
+            self._write_shadow()
         if self._disk_problem or self._shadow_problem:
             return self._disk_problem or self._shadow_problem
         waiting_s = now_s - self._waiting_since_s
@@ -162,6 +159,13 @@ class LatchStore:
         if self._newest is not self._stored:
             self._write_newest()
         self._worker.close(_END_S)
+
+    def _write_shadow(self) -> None:
+        try:
+            replace_file(self._shadow, encode(self._newest), durable=False, mode=0o600)
+            self._shadow_problem, self._retry_shadow_at_s = "", math.inf
+        except OSError as error:
+            self._shadow_problem, self._retry_shadow_at_s = str(error), self._now_s() + _RETRY_S
 
     def _write_newest(self) -> None:
         self._retry_at_s = math.inf

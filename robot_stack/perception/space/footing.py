@@ -37,7 +37,7 @@ class Footing:
     """Call ``observe`` with the floor of every view, then query. Poses are base_link in odom."""
 
     def __init__(self, params: FootingParams, space: SpaceParams) -> None:
-        self._params, self._cell_m, self._jump_m = params, space.cell_m, space.jump_m
+        self._params, self._cell_m = params, space.cell_m
         count = round(space.size_m / space.cell_m)
         self._corner = np.zeros(2, np.int64)
         self._ground_m = np.zeros((count, count), np.float32)
@@ -124,9 +124,7 @@ class Footing:
 
     def _move_to(self, pose: Pose2, tilt: tuple[float, float]) -> None:
         before = self._pose
-        if before is not None and pose.distance_to(before) > self._jump_m:
-            self.forget()  # odometry restarted
-        elif before is not None:
+        if before is not None:
             step = pose.relative_to(before)
             self._up_m += tilt[0] * step.x + tilt[1] * step.y
         self._pose = pose

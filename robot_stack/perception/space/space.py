@@ -95,11 +95,19 @@ class Space:
     def forget(self) -> None:
         """Makes all cells unseen."""
         self._state[:] = UNSEEN
-        self._pose, self._newest_s = None, -math.inf
+        times = self._hit_s, self._watched_s, self._ray_s, self._since_s, self._freed_s, self._held_s, self._stood_s
+        for grid in times:  # the clock may have been set back
+            grid[:] = -math.inf
+        self._pose, self._newest_s, self._stands_at = None, -math.inf, None
 
-    def has_jumped(self, pose: Pose2) -> bool:
-        """True if odometry, with base_link at ``pose``, has restarted since the newest view."""
-        return self._pose is not None and pose.distance_to(self._pose) > self._params.jump_m
+    def has_jumped(self, pose: Pose2, stamp_s: float) -> bool:
+        """True if odometry has restarted: base_link is farther from the newest view's pose than the robot can move."""
+        if self._pose is None:
+            return False
+        step, p, fastest = pose.relative_to(self._pose), self._params, self._robot.empty
+        elapsed_s = abs(stamp_s - self._newest_s)
+        far = math.hypot(step.x, step.y) > fastest.max_speed_mps * elapsed_s + p.jump_m
+        return far or abs(step.yaw) > fastest.max_yaw_rate_radps * elapsed_s + p.jump_rad
 
     def observe(self, view: View, pose: Pose2) -> None:
         """Adds a view of a sensor; base_link was at ``pose`` at its stamp.
@@ -339,9 +347,7 @@ class Space:
 
     def _move_to(self, pose: Pose2, stamp_s: float) -> None:
         before = self._pose
-        if self.has_jumped(pose):
-            self.forget()
-        elif before is not None:
+        if before is not None:
             self._travel_m += self._way_m(before, pose)
         if before is None or self._stands_at is None or self._way_m(self._stands_at, pose) > _STANDS_M:
             self._stands_at, self._stands_since_s = pose, stamp_s

@@ -341,6 +341,21 @@ def test_failing_disk_is_reported_until_it_recovers(disk: Disk, monkeypatch: pyt
     assert not disk.worker.busy
 
 
+def test_copy_in_memory_is_written_again(disk: Disk) -> None:
+    store = disk.saved(Memory())
+    disk.shadow.parent.rename(disk.shadow.parent.with_name("full"))
+    store.save(LATCHED)
+    disk.worker.finish()
+    assert "No such file" in store.problem()
+    disk.now_s += latch_store._RETRY_S
+    assert "No such file" in store.problem()
+    disk.shadow.parent.with_name("full").rename(disk.shadow.parent)
+    assert "No such file" in store.problem()
+    disk.now_s += latch_store._RETRY_S
+    assert store.problem() == ""
+    assert _read(disk.shadow) == LATCHED
+
+
 def test_hanging_disk_is_reported_since_the_first_pending_record(disk: Disk) -> None:
     store = disk.store(slow_s=30.0)
     assert store.problem() == ""

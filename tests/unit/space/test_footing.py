@@ -141,10 +141,7 @@ def test_edges_stay_in_place_while_the_robot_moves_and_leave_with_the_grid() -> 
     assert len(found.edges(Pose2(-5.6, 0.0, 0.0))) == 0
 
 
-def test_odometry_restart_clears_the_ground() -> None:
-    found, elsewhere = footing(floor(step_down(0.3))), Pose2(PARAMS.space.jump_m + 0.1, 0.0, 0.0)
-    found.observe(np.empty((0, 4), np.float32), LEVEL, elsewhere, OWN)
-    assert len(found.edges(elsewhere)) == 0
+def test_ground_is_forgotten() -> None:
     found = footing(floor(step_down(0.3)))
     found.forget()
     assert len(found.edges(IDENTITY)) == 0

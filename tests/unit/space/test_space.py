@@ -235,9 +235,11 @@ def test_views_of_two_sensors_may_arrive_out_of_order() -> None:
 
 def test_clock_set_back_clears_the_grid() -> None:
     scanner = Scanner().look(WALL)
+    assert scanner.space.is_visible(1.5, 0.0, 1.0)
     scanner.now_s -= PARAMS.fade_s + 0.2
     scanner.look(vouch=False)
     assert scanner.at(*SEEN) == scanner.at(1.5, 0.0) == UNSEEN
+    assert not scanner.space.is_visible(1.5, 0.0, 1.0), "by rays of the time before"
     assert scanner.look().at(1.5, 0.0) == FREE
 
 
@@ -336,11 +338,15 @@ def test_objects_keep_their_position_and_leave_with_the_grid() -> None:
     assert scanner.at(*SEEN) == UNSEEN
 
 
-def test_odometry_restart_clears_the_grid() -> None:
-    scanner = Scanner().look(WALL)
-    scanner.look(pose=Pose2(PARAMS.jump_m + 0.1, 0.0, 0.0), vouch=False)
-    assert len(scanner.remembered()) == 0
-    assert scanner.at(1.5, 0.0) == UNSEEN
+@pytest.mark.parametrize("elapsed_s", [-0.05, 0.0, 0.05, 0.5])
+def test_odometry_restarts_where_the_robot_cannot_have_moved(elapsed_s: float) -> None:
+    space, begin = Scanner().look(WALL, pose=Pose2(3.0, -1.0, 2.0)).space, Pose2(3.0, -1.0, 2.0)
+    way_m = ROBOT.empty.max_speed_mps * abs(elapsed_s) + PARAMS.jump_m
+    turn_rad = ROBOT.empty.max_yaw_rate_radps * abs(elapsed_s) + PARAMS.jump_rad
+    for share, jumped in ((0.99, False), (1.01, True)):
+        for step in (Pose2(0.0, share * way_m, 0.0), Pose2(0.0, 0.0, -share * turn_rad)):
+            assert space.has_jumped(begin.compose(step), 10.1 + elapsed_s) is jumped
+    assert not Space(PARAMS, ROBOT).has_jumped(begin, 10.0)
 
 
 def test_non_finite_own_and_far_points_are_ignored() -> None:

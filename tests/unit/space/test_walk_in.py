@@ -278,6 +278,18 @@ def test_space_below_the_minimum_range_is_unknown_at_the_start() -> None:
     assert not ((np.abs(yard.scene.unseen[:, 1]) < 0.4) & (yard.scene.unseen[:, 0] > 0.0)).any()
 
 
+@pytest.mark.parametrize("begin", [Pose2(0.0, 0.0, math.pi), Pose2(0.3, 0.0, 0.0)])
+def test_nothing_is_remembered_over_a_restart_of_odometry(begin: Pose2) -> None:
+    """Near its origin, where the robot may stand or turn when its drive restarts."""
+    yard = Yard(post=POLE)
+    yard.at["post"] = (2.0, 1.0)
+    yard.run(0.5)
+    yard.at["post"] = None
+    stays = begin.inverse().compose(Pose2(2.0, 1.0, 0.0))
+    yard.pose = begin
+    assert near(yard.step().obstacles, stays.x, stays.y, 0.1) == 0
+
+
 def test_start_is_slow_until_the_path_is_seen() -> None:
     yard = Yard().run(0.3)
     ahead = Twist2(1.0, 0.0, 0.0)
