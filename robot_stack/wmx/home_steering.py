@@ -75,7 +75,7 @@ def _stands(snapshot: StatusSnapshot, axis: int) -> bool:
     """An axis stopped by velocity 0, as the drive does, is still in a motion for the engine."""
     at_zero = snapshot.op_state[axis] == OperationState.Velocity and snapshot.velocity_cmd[axis] == 0.0
     at_rest = at_zero or snapshot.op_state[axis] == OperationState.Idle
-    return at_rest and abs(snapshot.actual_velocity[axis]) <= _STANDSTILL_RADPS
+    return bool(at_rest and abs(snapshot.actual_velocity[axis]) <= _STANDSTILL_RADPS)
 
 
 def _require(snapshot: StatusSnapshot, axes: Mapping[int, str], machine: Mapping[int, str]) -> None:
