@@ -463,6 +463,18 @@ def test_headings_near_the_known_one_are_looked_at_only_while_the_gyro_carries_i
     assert story.asked.region.turn_rad == (math.pi if gap else near)
 
 
+def test_a_start_in_the_wrong_one_of_two_similar_places_is_corrected_without_a_known_heading() -> None:
+    """The end of the hall is in view: the second courtyard explains 0.68 of the sweep, the first 0.96."""
+    site, truth = twins_solver(), Pose2(-2.7, -4.0, 0.5)
+    start = params(start_x_m=78.0, start_y_m=-4.0, start_yaw_rad=2.5)
+    story = Ride(MapLocalizer(start, 1.5, 1.0, site.matcher), truth, place=twins, solver=site)
+    for _ in range(25):
+        story.drive(0.1)
+        assert story.quality < LOST or story.error_m() < 0.1
+    assert story.localizer.confidence is Confidence.TRACKING
+    assert story.error_m() < 0.05
+
+
 def lost_in_a_courtyard(truth: Pose2) -> Ride:
     """In one of two equal courtyards, with a start pose in neither, until the search has found both."""
     site = twins_solver()
