@@ -39,6 +39,7 @@ class PoseSource:
         self._fix: StampedPose | None = None
         self._fix_received_s = -math.inf
         self._map_to_odom: Pose2 | None = None
+        self._applied_s = -math.inf  # reception of the fix in map_to_odom
 
     def on_odometry(self, stamp_s: float, pose: Pose2, twist: Twist2, received_s: float) -> str:
         """Takes a message of ``/odom``. Returns why it was refused, else an empty text."""
@@ -74,7 +75,8 @@ class PoseSource:
         if not 0.0 <= odometry_age_s <= self._params.odometry_timeout_s:
             return None, _silent("/odom", odometry_age_s, self._params.odometry_timeout_s)
         newest = self._odometry.newest
-        if self._map_to_odom is None or newest is None:
+        fits = steady_s - self._applied_s <= self._params.pose_timeout_s
+        if self._map_to_odom is None or newest is None or not fits:
             return None, "no /current_pose that fits the stamps of /odom"
         ahead_s = min(max(now_s - newest.stamp_s, 0.0), self._params.max_extrapolation_s)
         pose = self._map_to_odom.compose(newest.pose).compose(exp_se2(self._twist, ahead_s))
@@ -95,6 +97,7 @@ class PoseSource:
         odometry = self._odometry.at(self._fix.stamp_s)
         if odometry is not None:
             self._map_to_odom = self._fix.pose.compose(odometry.inverse())
+            self._applied_s = self._fix_received_s
 
 
 def _silent(name: str, age_s: float, limit_s: float) -> str:

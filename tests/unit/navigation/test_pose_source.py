@@ -79,6 +79,18 @@ def test_a_pose_repeated_with_an_old_stamp_ages_on() -> None:
     assert poses.located(11.78, 11.78)[0] is None
 
 
+@pytest.mark.parametrize("off_s", [-1.3, 3.0])
+def test_poses_outside_the_odometry_history_renew_nothing(off_s: float) -> None:
+    poses = driven()
+    for i in range(1, 36):
+        t = 11.0 + 0.02 * i
+        poses.on_odometry(t, Pose2(t - 10.0, 0.0, 0.0), AHEAD, t)
+        poses.on_pose(t + off_s, Pose2(3.0, 0.0, 0.0), t)
+        located, problem = poses.located(t, t)
+        assert (located is None) == (t > 11.5)
+    assert problem == "no /current_pose that fits the stamps of /odom"
+
+
 def test_new_odom_frame_waits_for_a_new_pose() -> None:
     poses = driven()
     poses.on_odometry(11.02, Pose2(0.0, 0.0, 0.0), ZERO_TWIST, 11.02)
