@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 from robot_stack.core.geometry import Pose2
 
+# A stamp that steps back by more than this is of a clock that was set back; one that steps back by less is late.
+LATE_S = 0.1
+
 
 @dataclass(frozen=True, slots=True)
 class StampedPose:

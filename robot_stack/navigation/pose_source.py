@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2, exp_se2
-from robot_stack.core.pose_history import PoseHistory, StampedPose
+from robot_stack.core.pose_history import LATE_S, PoseHistory, StampedPose
 from robot_stack.navigation.params import PoseParams
 
 
@@ -84,7 +84,7 @@ class PoseSource:
 
     def _continues(self, last: StampedPose, stamp_s: float, pose: Pose2) -> bool:
         dt_s = stamp_s - last.stamp_s
-        if not abs(dt_s) <= self._params.history_s:
+        if not -LATE_S <= dt_s <= self._params.history_s:
             return False
         step, p = pose.relative_to(last.pose), self._params
         near = math.hypot(step.x, step.y) <= self._max_speed_mps * abs(dt_s) + p.jump_tolerance_m

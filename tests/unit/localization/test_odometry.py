@@ -85,11 +85,12 @@ def test_late_reading_changes_nothing() -> None:
     assert odometry.take(reading(10.06, Pose2(0.06, 0.0, 0.0))).motion.x == pytest.approx(0.02)
 
 
-def test_clock_set_back_restarts_odometry_increments() -> None:
+@pytest.mark.parametrize("stamp_s", [3.0, 999.8])
+def test_clock_set_back_restarts_odometry_increments(stamp_s: float) -> None:
     odometry = increments()
     odometry.take(reading(1000.0, Pose2(4.0, 0.0, 0.0)))
-    assert odometry.take(reading(3.0, IDENTITY)).event is OdometryEvent.CLOCK_RESTARTED
-    assert odometry.take(reading(3.02, Pose2(0.01, 0.0, 0.0))).event is OdometryEvent.MOTION
+    assert odometry.take(reading(stamp_s, IDENTITY)).event is OdometryEvent.CLOCK_RESTARTED
+    assert odometry.take(reading(stamp_s + 0.02, Pose2(0.01, 0.0, 0.0))).event is OdometryEvent.MOTION
 
 
 @pytest.mark.parametrize("bad", [math.nan, -math.inf])
