@@ -48,6 +48,12 @@ def read_ride(
         raise CommandError(f"{path}: no message on {' and '.join(silent)}{damage}")
     if not counts[topics.IMU.name]:
         warnings.append(f"{path}: no message on {topics.IMU.name}: slopes and the gyro are missing")
+    if collector.restarts_s:
+        times = ", ".join(f"{stamp_s:.1f} s" for stamp_s in collector.restarts_s)
+        warnings.append(
+            f"{path}: odometry restarted at {times}: the motion meanwhile is unknown; "
+            "look for doubled walls there, and drive again if there are any"
+        )
     try:
         return collector.finish(), warnings
     except RideError as error:
@@ -101,7 +107,8 @@ def feed(collector: Collector, item: Recorded) -> None:
     stamp_s = message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
     if item.topic == topics.ODOM.name:
         pose = planar_pose(message.pose.pose.position, message.pose.pose.orientation)
-        collector.odometry(stamp_s, pose.x, pose.y, pose.yaw)
+        covariance = message.pose.covariance
+        collector.odometry(stamp_s, pose.x, pose.y, pose.yaw, float(covariance[0] + covariance[7] + covariance[35]))
     elif item.topic == topics.IMU.name:
         # REP 145: -1 in the first element of the covariance means no orientation.
         there = message.orientation_covariance[0] != -1.0

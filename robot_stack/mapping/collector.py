@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
-from robot_stack.core.geometry import wrap_angle
+from robot_stack.core.geometry import IDENTITY, Pose2, wrap_angle
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.robot import Robot
 from robot_stack.mapping.params import Sweeps as Settings
@@ -21,6 +22,8 @@ _RECENT = 250
 MOST_WAITING = 20
 # Readings from so long before a sweep belong to it.
 _AROUND_S = 1.0
+# Odometry that steps by more than this beyond 1.5 times the robot's limits has restarted.
+_JUMP_M, _JUMP_RAD, _FASTER = 0.05, 0.05, 1.5
 
 
 class Collector:
@@ -31,25 +34,43 @@ class Collector:
         self._robot = robot
         self._stamps: list[float] = []
         self._odometry: list[tuple[float, ...]] = []
+        self._frame = IDENTITY  # of the odometry, in its first frame
+        self._variance = 0.0
         self._imu_stamps: list[float] = []
         self._imu: list[tuple[float, ...]] = []
         self._waiting: deque[tuple[float, Points]] = deque()
         self._sweeps: list[Sweep] = []
         self._last: Floats | None = None
+        self.restarts_s: list[float] = []
         self.sweeps = 0
         self.without_odometry = 0
         self.empty = 0
 
-    def odometry(self, stamp_s: float, x_m: float, y_m: float, yaw_rad: float) -> None:
+    def odometry(self, stamp_s: float, x_m: float, y_m: float, yaw_rad: float, variance: float = 0.0) -> None:
+        """variance: sum of the pose's variances. If odometry restarts, the pose holds and continues from there."""
         if not all(map(math.isfinite, (stamp_s, x_m, y_m, yaw_rad))):
             return
+        raw = Pose2(x_m, y_m, yaw_rad)
+        pose = self._frame.compose(raw)
         if self._odometry:
-            before = self._odometry[-1][2]
-            yaw_rad = before + wrap_angle(yaw_rad - before)
+            last = Pose2(*self._odometry[-1])
+            if self._restarted(stamp_s - self._stamps[-1], pose.relative_to(last), variance):
+                self.restarts_s.append(stamp_s)
+                self._frame = last.compose(raw.inverse())
+                pose = last
+            pose = replace(pose, yaw=last.yaw + wrap_angle(pose.yaw - last.yaw))
+        self._variance = variance
         self._stamps.append(stamp_s)
-        self._odometry.append((x_m, y_m, yaw_rad))
+        self._odometry.append((pose.x, pose.y, pose.yaw))
         while self._waiting and self._waiting[0][0] <= stamp_s:
             self._take(*self._waiting.popleft())
+
+    def _restarted(self, dt_s: float, step: Pose2, variance: float) -> bool:
+        """True for a step that no wheel can drive, or a covariance that shrinks, which dead reckoning's never does."""
+        limits, faster_s = self._robot.empty, _FASTER * abs(dt_s)
+        too_far = math.hypot(step.x, step.y) > limits.max_speed_mps * faster_s + _JUMP_M
+        too_much = abs(step.yaw) > limits.max_yaw_rate_radps * faster_s + _JUMP_RAD
+        return too_far or too_much or (dt_s > 0.0 and variance < 0.5 * self._variance)
 
     def imu(self, stamp_s: float, roll_rad: float, pitch_rad: float, turn_rate_radps: float) -> None:
         """roll, pitch NaN where the unit gives no attitude."""
