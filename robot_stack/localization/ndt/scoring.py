@@ -10,6 +10,16 @@ from robot_stack.core.compiled import compiled
 from robot_stack.localization.ndt.kernels import DX, DY, DZ, add_turned, fill_symmetric
 
 
+@compiled(nogil=True, inline="always")
+def _squared(form, mean, x, y, z) -> float:
+    """The offset of (x, y, z) from mean, squared in the symmetric form of xx, xy, xz, yy, yz, zz."""
+    x, y, z = x - mean[0], y - mean[1], z - mean[2]
+    return (
+        form[0] * x * x + form[3] * y * y + form[5] * z * z
+        + 2.0 * (form[1] * x * y + form[2] * x * z + form[4] * y * z)
+    )  # fmt: skip
+
+
 @compiled(nogil=True)
 def judge(points, rotation, position, field, above_ground_m, explained2, information) -> tuple[int, int, int, float]:
     """How well the pose explains the points above the ground; adds up the information on the pose (6, 6).
@@ -46,12 +56,7 @@ def judge(points, rotation, position, field, above_ground_m, explained2, informa
             cell = field.rows[jx, jy, jz]
             if cell < 0:
                 continue
-            qx, qy, qz = wx - field.mean[cell, 0], wy - field.mean[cell, 1], wz - field.mean[cell, 2]
-            c = field.inverse[cell]
-            m2 = (
-                c[0] * qx * qx + c[3] * qy * qy + c[5] * qz * qz
-                + 2.0 * (c[1] * qx * qy + c[2] * qx * qz + c[4] * qy * qz)
-            )  # fmt: skip
+            m2 = _squared(field.inverse[cell], field.mean[cell], wx, wy, wz)
             if m2 < best2:
                 best2, best = m2, cell
         stands = wz > ground + above_ground_m
@@ -62,11 +67,7 @@ def judge(points, rotation, position, field, above_ground_m, explained2, informa
         if best >= 0:
             n = field.normal[best]
             if stands and n[0] + n[3] + n[5] > 0.0:
-                qx, qy, qz = wx - field.mean[best, 0], wy - field.mean[best, 1], wz - field.mean[best, 2]
-                off2 += (
-                    n[0] * qx * qx + n[3] * qy * qy + n[5] * qz * qz
-                    + 2.0 * (n[1] * qx * qy + n[2] * qx * qz + n[4] * qy * qz)
-                )  # fmt: skip
+                off2 += _squared(n, field.mean[best], wx, wy, wz)
                 thin += 1
             add_turned(h, n[0], n[1], n[2], n[3], n[4], n[5], px, py, pz)
     fill_symmetric(h, information)
@@ -98,12 +99,7 @@ def shares(points, rotations, positions, field, explained2, found) -> None:
                 cell = field.rows[jx, jy, jz]
                 if cell < 0:
                     continue
-                qx, qy, qz = wx - field.mean[cell, 0], wy - field.mean[cell, 1], wz - field.mean[cell, 2]
-                c = field.inverse[cell]
-                m2 = (
-                    c[0] * qx * qx + c[3] * qy * qy + c[5] * qz * qz
-                    + 2.0 * (c[1] * qx * qy + c[2] * qx * qz + c[4] * qy * qz)
-                )  # fmt: skip
+                m2 = _squared(field.inverse[cell], field.mean[cell], wx, wy, wz)
                 if m2 < explained2:
                     explained += 1
                     break
@@ -143,12 +139,7 @@ def pierced(points, rotation, position, lidar, field, above_ground_m, margin_m, 
             cell = field.rows[ix, iy, iz]
             if cell < 0 or field.mean[cell, 2] < field.ground[ix, iy] + above_ground_m:
                 continue
-            qx, qy, qz = wx - field.mean[cell, 0], wy - field.mean[cell, 1], wz - field.mean[cell, 2]
-            c = field.inverse[cell]
-            m2 = (
-                c[0] * qx * qx + c[3] * qy * qy + c[5] * qz * qz
-                + 2.0 * (c[1] * qx * qy + c[2] * qx * qz + c[4] * qy * qz)
-            )  # fmt: skip
+            m2 = _squared(field.inverse[cell], field.mean[cell], wx, wy, wz)
             if m2 < within2:
                 through += 1
                 break
@@ -179,11 +170,6 @@ def correlate(points, field, places, yaws, scores) -> None:
                 cell = field.rows[ix, iy, iz]
                 if cell < 0:
                     continue
-                qx, qy, qz = wx - field.mean[cell, 0], wy - field.mean[cell, 1], wz - field.mean[cell, 2]
-                h = field.inverse[cell]
-                m2 = (
-                    h[0] * qx * qx + h[3] * qy * qy + h[5] * qz * qz
-                    + 2.0 * (h[1] * qx * qy + h[2] * qx * qz + h[4] * qy * qz)
-                )  # fmt: skip
+                m2 = _squared(field.inverse[cell], field.mean[cell], wx, wy, wz)
                 total += np.exp(-0.5 * m2)
             scores[k, a] = total / points.shape[0]
