@@ -22,7 +22,7 @@ from robot_stack.core.goals import NavigationEvent, NavigationGoals
 from robot_stack.docking.dock_calibration import Correction, learnt
 from robot_stack.docking.dock_tracker import DockTracker
 from robot_stack.docking.guard import Guard, held
-from robot_stack.docking.latch import LatchCommand, LatchKeeper
+from robot_stack.docking.latch import LatchCommand, LatchKeeper, LatchMotion, Motion
 from robot_stack.docking.params import DockingParams
 from robot_stack.docking.phases.latching import BackingOff, Latched, Latching, LookingOnce, Unlatching
 from robot_stack.docking.phases.search import Search
@@ -79,6 +79,7 @@ class DockingController:
         self._goals = NavigationGoals(params.staging.goal_retry_s)
         self._keeper = LatchKeeper()
         self._guard = Guard(params, undocking=False)
+        self._opening: LatchMotion | None = None  # of hooks that would block the dock
         self._state = DockingState.IDLE
         self._phase: Phase = _Idle()
         self._dock_id = ""
@@ -225,6 +226,8 @@ class DockingController:
         elif self.busy and held(situation):
             self._departure.drop()
             step = Step("stopped by safety", ZERO_TWIST)
+        elif self._must_open(situation):
+            step = self._open_first(situation)
         elif self._warns(dt_s):
             step = Step(SETTING_OUT, ZERO_TWIST)
         else:
@@ -255,7 +258,7 @@ class DockingController:
             state=self._state,
             text=self._text,
             twist=twist,
-            latch=self._latch(step, view),
+            latch=step.latch,
             attached=self._keeper.attached,
             position_error_m=position_m,
             yaw_error_rad=yaw_rad,
@@ -267,14 +270,23 @@ class DockingController:
             result=result,
         )
 
-    def _latch(self, step: Step, view: View) -> LatchCommand:
+    def _must_open(self, situation: Situation) -> bool:
+        """True before the dock if the hooks are not open: they would block it, or still hold another one."""
+        inputs = situation.latch
         before = self.busy and self._state in (DockingState.APPROACH, DockingState.SEARCH)
-        return LatchCommand.OPEN if before and self._must_open(view) else step.latch
+        due = before and inputs.known and not inputs.open and not self._keeper.attached
+        self._opening = self._opening if due else None
+        return due
 
-    def _must_open(self, view: View) -> bool:
-        """True if the last job left the hooks closed, which would block the dock."""
-        inputs = view.situation.latch
-        return inputs.known and not inputs.open and not self._keeper.attached
+    def _open_first(self, situation: Situation) -> Step:
+        """Opens the hooks while the robot stands."""
+        if self._opening is None:
+            timeout_s = self._params.latch.confirm_timeout_s
+            self._opening = LatchMotion(LatchCommand.OPEN, situation.now_s, timeout_s)
+        if self._opening.update(situation.latch, situation.now_s) is Motion.FAILED:
+            failure = Failure(DockCode.LATCH_FAILED, self._opening.problem(situation.latch), final=True)
+            return Step(failure.reason, ZERO_TWIST, Trigger.TRY_FAILED, failure)
+        return Step("opening the latch", ZERO_TWIST, latch=self._opening.command)
 
     def _advance(self, step: Step, view: View) -> Result | None:
         """Executes the transition of a step. Returns the result if the job is over."""
@@ -286,7 +298,7 @@ class DockingController:
             self.tracker.count_from(self._now_s + self._params.latch.learn_after_s)
         elif isinstance(phase, LookingOnce) and phase.finished:
             return self._docked(view)
-        if step.trigger is None or (step.trigger is Trigger.FOUND and self._must_open(view)):
+        if step.trigger is None:
             return None
         if step.failure is not None and step.trigger is not Trigger.LOST:
             return self._give_up(step.failure, view)
@@ -413,6 +425,8 @@ class DockingController:
         return Latched(text) if self._keeper.attached else _Idle(text)
 
     def _enter(self, trigger: Trigger, phase: Phase) -> None:
+        if isinstance(self._phase, Latching) and self._phase.may_hold:
+            self._keeper.may_hold()
         self._state = target_of(self._state, trigger)
         self._phase = phase
         self.tracker.count_from(self._now_s)

@@ -73,7 +73,8 @@ class LatchMotion:
 class LatchKeeper:
     """Tracks from the inputs whether a wheelchair is attached.
 
-    A closed latch attaches. Only backing off detaches: until the robot is clear, the passenger counts.
+    A closed latch attaches, and so does one that may hold: it was closing and has not opened again, or it is found
+    half closed. Only backing off detaches: until the robot is clear, the passenger counts.
     """
 
     def __init__(self) -> None:
@@ -84,6 +85,10 @@ class LatchKeeper:
         """Restores the state from before a restart. A chair no longer held by the latch was released meanwhile."""
         if attached:
             self.attached = self.holding = True
+
+    def may_hold(self) -> None:
+        """A docking has ended while the latch was closing."""
+        self.attached = True
 
     def released(self) -> None:
         """The robot is clear of the wheelchair."""
@@ -101,6 +106,6 @@ class LatchKeeper:
         if closed and not may_open:
             self.attached = True
         elif self.attached is None:
-            self.attached = False
+            self.attached = not inputs.open
         self.holding = closed
         return lost

@@ -34,6 +34,12 @@ class Latching:
         """The latch is being opened again: a late confirmation must not count as holding."""
         return self._opening is not None
 
+    @property
+    def may_hold(self) -> bool:
+        """The latch was commanded to close and has not been confirmed open since."""
+        opened = self._opening is not None and self._opening.state is Motion.CONFIRMED
+        return self._closing is not None and not opened
+
     def tick(self, view: View) -> Step:
         if self._kind == "charger" and self._charged_s < self._params.charge_s:
             return self._wait_for_charge(view)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from robot_stack.contract.states import DockingState
 from robot_stack.core.docks import Place
-from robot_stack.core.geometry import Pose2
+from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from robot_stack.core.goals import GoalStatus, NavigationEnded
 from robot_stack.docking.controller import DockingController
 from robot_stack.docking.latch import LatchCommand
@@ -402,17 +402,66 @@ def test_a_latch_that_neither_closes_nor_opens_ends_at_once_because_it_may_hold(
     assert result.code is DockCode.LATCH_FAILED
     assert result.tries == 1
     assert "did not open" in result.reason
+    assert bench.outputs[-1].attached is True
 
 
-def test_hooks_left_closed_are_opened_before_the_dock() -> None:
-    bench = Bench()
-    bench.faults.no_confirm = True
-    bench.latch_position = 8
-    began(bench)
-    bench.run(lambda: False, 1.0)
-    assert bench.latch_position == 0
-    bench.faults.no_confirm = False
+@pytest.mark.parametrize("end", ["cancelled", "emergency stop", "restart"])
+def test_a_latch_that_was_closing_holds_until_it_is_undocked(end: str) -> None:
+    bench = began(Bench())
+    bench.reach(DockingState.DOCKED)
+    assert bench.run(lambda: bench.latch_position == 4)
+    assert bench.controller.attached is False, "LATCH_NOT_CLOSED would stop the docking"
+    if end == "cancelled":
+        bench.controller.cancel()
+    elif end == "emergency stop":
+        bench.safety = emergency()
+    else:
+        bench.controller = DockingController(params(), CAMERAS, bench.departure)
+    bench.step()
+    assert bench.outputs[-1].attached is True
+    bench.safety = Safety(known=True)
+    refused = bench.begin()
+    assert refused is not None
+    assert refused.code is DockCode.ALREADY_ATTACHED
+    docked = bench.base
+    assert bench.controller.undock(bench.situation()) is None
+    if end != "restart":  # which also forgets the board, by which an undocking is checked
+        bench.faults.latch_stuck = True
+        assert bench.run_to_end().code is UndockCode.UNLATCH_FAILED
+        assert (bench.outputs[-1].attached, bench.base) == (True, docked)
+        bench.faults.latch_stuck = False
+        assert bench.controller.undock(bench.situation()) is None
     assert bench.run_to_end().success
+    assert (bench.outputs[-1].attached, bench.latch_position) == (False, 0)
+    assert bench.base.relative_to(docked).x == pytest.approx(-0.5, abs=0.02)
+
+
+def half_closed() -> Bench:
+    """A docking that begins with hooks that a person has moved."""
+    bench = Bench()
+    bench.at_staging = False
+    bench.latch_position = 4
+    return began(bench)
+
+
+def test_hooks_that_are_not_open_are_opened_before_the_robot_moves() -> None:
+    bench = half_closed()
+    assert bench.run(lambda: bench.latch_position == 1, 1.0)
+    assert (bench.goals, bench.outputs[-1].text) == ([], "opening the latch")
+    assert bench.run(lambda: len(bench.goals) == 1, 0.2)
+    bench.latch_position = 4  # on the way
+    bench.step()
+    assert bench.outputs[-1].twist == ZERO_TWIST, "docking overrides navigation"
+    bench.at_staging = True
+    assert bench.run_to_end().success
+
+
+def test_hooks_that_cannot_be_opened_end_the_docking_before_the_robot_moves() -> None:
+    bench = half_closed()
+    bench.faults.latch_stuck = True
+    result = bench.run_to_end(params().latch.confirm_timeout_s + 0.2)
+    assert (result.code, result.tries, bench.goals) == (DockCode.LATCH_FAILED, 1, [])
+    assert "did not open" in result.reason
 
 
 def test_unexpected_latch_release_requests_one_emergency_stop() -> None:
