@@ -78,7 +78,8 @@ class DockTracker:
         before = self._odometry.newest
         if before is not None and stamp_s < before.stamp_s - 1.0:  # time was set back: another history begins
             self._odometry.clear()
-            before = None
+            before, self._newest_s = None, -math.inf
+            self.seen_s, self._count_from_s = min(self.seen_s, stamp_s), min(self._count_from_s, stamp_s)
         if self._odometry.add(stamp_s, pose) and before is not None:
             self._target.drive(pose.relative_to(before.pose))
         early, self._early = self._early, None

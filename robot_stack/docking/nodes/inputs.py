@@ -61,7 +61,7 @@ class DockingInputs:
                 node.emergency_stop,
                 _speed_limit_mps(limit, self._limit.fresh()),
             ),
-            images_fresh=self._detections.fresh() and now_s - images_s <= self._params.detections_timeout_s,
+            images_fresh=self._detections.fresh() and abs(now_s - images_s) <= self._params.detections_timeout_s,
             latch=latch,
             force_n=wheel_force(self._joints.latest if self._joints.fresh() else None, node.robot.wheel_radius_m),
             navigation_served=navigation_served,

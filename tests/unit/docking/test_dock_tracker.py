@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from robot_stack.core.camera import mounting
@@ -40,3 +42,23 @@ def test_sightings_that_are_dropped(tracker: DockTracker, why: str) -> None:
         tracker.look_for(DOCK, Correction())
     tracker.on_odometry(1.00, Pose2(0.0, 0.0, 0.0))
     assert tracker.estimate is None
+
+
+def test_a_clock_that_is_set_back_hides_no_sighting_and_no_lack_of_them(tracker: DockTracker) -> None:
+    tracker.on_markers(markers_at(AHEAD, DOCK, 0.98))
+    tracker.on_odometry(-3600.0, Pose2(0.0, 0.0, 0.0))
+    assert tracker.seen_s == -3600.0, "its age restarts at zero"
+    assert tracker.board(-3600.0, 0.5) is None
+    assert tracker.dock_pose_in_odom() is not None, "a search beside the dock backs off first"
+    tracker.count_from(-3600.0)
+    tracker.on_markers(markers_at(AHEAD, DOCK, -3600.0))
+    assert len(tracker.sightings) == 1
+    assert tracker.board(-3600.0, 0.5) is not None
+
+
+def test_a_clock_that_is_set_back_before_the_first_sighting_shows_none(tracker: DockTracker) -> None:
+    tracker.count_from(0.0)
+    tracker.on_odometry(-3600.0, Pose2(0.0, 0.0, 0.0))
+    assert tracker.seen_s == -math.inf
+    tracker.on_markers(markers_at(AHEAD, DOCK, -3600.0))
+    assert len(tracker.sightings) == 1
