@@ -167,8 +167,9 @@ class DockingController:
             return refusal
         self._undocking, self._tries, self._distance_m = True, 1, 0.0
         self._guard = Guard(self._params, undocking=True)
-        if self._dock is not None:
-            self.tracker.look_for(self._dock, self.corrections.get(self._dock_id, Correction()))
+        if self._keeper.attached and self._dock is not None and self._dock.kind != "wheelchair":
+            self._dock_id, self._dock = "", None  # of an earlier job: the wheelchair was latched by hand
+        self.tracker.look_for(self._dock, self.corrections.get(self._dock_id, Correction()))
         self._enter(Trigger.UNDOCK, Unlatching(self._params.latch, has_latch=bool(self._keeper.attached)))
         return None
 

@@ -36,9 +36,10 @@ class DockTracker:
         self.moved = False
         self.visible_markers = 0
 
-    def look_for(self, dock: Dock, correction: Correction) -> None:
-        """Starts a new job without earlier sightings. ``correction``: see ``dock_calibration``."""
+    def look_for(self, dock: Dock | None, correction: Correction) -> None:
+        """Starts a new job without earlier sightings. dock: None if it is unknown. correction: see dock_calibration."""
         self._dock, self._correction = dock, correction
+        self.visible_markers = 0
         self.forget()
 
     def forget(self) -> None:

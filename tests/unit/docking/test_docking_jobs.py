@@ -216,6 +216,17 @@ def test_a_latch_found_closed_means_a_passenger() -> None:
     assert bench.run_to_end().success
 
 
+def test_a_wheelchair_latched_after_a_job_at_the_charger_is_left_backwards() -> None:
+    bench = began(Bench("charger", start=Pose2(1.5, 0.0, 0.0)))
+    bench.controller.cancel()
+    bench.latch_position = 8
+    bench.step()
+    docked = bench.base
+    assert bench.controller.undock(bench.situation()) is None
+    assert bench.run_to_end().success
+    assert bench.base.relative_to(docked).x == pytest.approx(-0.5, abs=0.02)
+
+
 def test_jobs_that_cannot_be_are_refused() -> None:
     docking, attached = began(Bench()), Bench().docked()
     at_station = Bench("charger", start=Pose2(1.5, 0.0, 0.0)).docked()
