@@ -121,6 +121,11 @@ class DockingController:
         return self._keeper.attached
 
     @property
+    def closed(self) -> bool:
+        """The latch is confirmed closed, by the last inputs that could be read."""
+        return self._keeper.holding
+
+    @property
     def undocking(self) -> bool:
         """An undocking is under way."""
         return self._undocking and self.busy

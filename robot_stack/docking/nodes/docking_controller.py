@@ -10,7 +10,7 @@ from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import ZERO_TWIST
 from robot_stack.docking.controller import DockingController
-from robot_stack.docking.latch import LatchCommand, LatchInputs
+from robot_stack.docking.latch import LatchCommand
 from robot_stack.docking.nodes.attached_file import AttachedFile
 from robot_stack.docking.nodes.corrections import CorrectionsFile
 from robot_stack.docking.nodes.docking_actions import DockingActions
@@ -85,7 +85,7 @@ class DockingControllerNode(StackNode):
         output = self._controller.tick(situation)
         self._motion_warnings.publish(self._departure.remaining_s)
         self._remember()
-        self._publish_latch(situation.latch)
+        self._publish_latch()
         self._latch.command(output.latch)
         self._outputs.act(output)
         self._ticks += 1
@@ -110,12 +110,12 @@ class DockingControllerNode(StackNode):
             elif station:
                 self.get_logger().error(f"docked at {station!r} before the restart, which is no dock any more")
 
-    def _publish_latch(self, inputs: LatchInputs) -> None:
+    def _publish_latch(self) -> None:
         """Published before the latch is commanded, so that subscribers know of the undocking before the latch opens."""
         attached = self._controller.attached
         if attached is not None:
             due = self._ticks % _TICKS_PER_LATCH_STATUS == 0
-            self._outputs.latch(inputs.confirmed, attached, self._controller.undocking, due=due)
+            self._outputs.latch(self._controller.closed, attached, self._controller.undocking, due=due)
 
     def _remember(self) -> None:
         attached = self._controller.attached

@@ -18,6 +18,7 @@ from tests.simulated.nodes.navigation import FakeNavigation
 from tests.simulated.story import Goal
 
 OPEN = 1 << load_robot().latch.open_input_bit
+CLOSED = 1 << load_robot().latch.closed_input_bit
 
 
 class Scene:
@@ -140,6 +141,21 @@ def test_status_has_its_rate_and_the_process_shuts_down_cleanly(scene: Scene) ->
     assert scene.status.period_s() == pytest.approx(0.1, abs=1e-6)
     assert scene.command.items == []
     assert scene.bench.stop(scene.process) == 0
+
+
+def test_a_latch_that_cannot_be_read_keeps_its_last_known_state(scene: Scene) -> None:
+    """Perception would take the person before the passenger's knees for a part of the released chair."""
+    latch = scene.bench.listen(topics.LATCH_STATUS)
+    scene.bench.engine.drives.inputs = {0: 1 | CLOSED}
+    latch.wait(lambda message: message.closed, "the closed latch")
+    lost_s = scene.bench.now_s
+    scene.bench.engine.drives.connected = False
+    scene.bench.run(0.5)
+    scene.bench.engine.recover()
+    scene.bench.run(0.5)
+    stated = latch.since(lost_s)
+    assert len(stated) >= 9
+    assert all(message.closed and message.attached for message in stated)
 
 
 def test_a_chair_that_came_loose_while_the_controller_was_dead_is_an_emergency_with_the_passenger_aboard(
