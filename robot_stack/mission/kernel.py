@@ -161,10 +161,12 @@ class MissionKernel:
     def start_up(self, inputs: Inputs) -> tuple[Effect, ...]:
         """The effects at start-up: stop, journal the restored state, publish it."""
         report = (*self._report(inputs, 0.0, forced=True), *self._report_queue())
-        if self._record.state is not State.PAUSED:
+        paused = self._record.state is State.PAUSED
+        if not paused and not self._journal_problem:
             return report
         # Navigation and docking may still execute goals of a mission manager that crashed.
-        return (CancelGoal(everything=True), CancelDocking(everything=True), SaveRecord(self._record), *report)
+        save = (SaveRecord(self._record),) if paused else ()
+        return (CancelGoal(everything=True), CancelDocking(everything=True), *save, *report)
 
     def step(self, event: Event, inputs: Inputs, now_s: float) -> tuple[Effect, ...]:
         """The effects of ``event``, in order. ``now_s``: steady seconds; a jump either way is harmless."""

@@ -669,6 +669,7 @@ def test_damaged_journal_is_reported_until_next_start(params):
     story = Story(params, None, "the journal was damaged")
     assert story.state is State.IDLE
     assert story.status.reason == "the journal was damaged"
+    assert story.log == ["cancel all", "cancel all docking"], "of a mission that may be under way"
     story.start("park")
     assert story.state is State.RUNNING
     assert story.status.reason == ""
