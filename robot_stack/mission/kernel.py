@@ -576,8 +576,8 @@ class MissionKernel:
             raise QueueRefusal(f"no change of destination while the mission is {record.state.value}")
         if order.origin is Origin.FLEET and (record.state is State.PAUSED or record.passenger_attached):
             raise QueueRefusal("the fleet changes neither a paused ride nor that of a passenger")
-        if docking.at_station(record, self._docks) or self._at_dock(inputs):
-            raise QueueRefusal("no change of destination while the robot is docked to a station")
+        if docking.at_station(record, self._docks) or self._at_charger(inputs):
+            raise QueueRefusal("no change of destination while the robot is docked to a station or charges")
         assert order.mission is not None
         problem = self._may_not_start(order.mission, inputs) or self._may_not_resume(inputs)
         if guards.battery_critical(inputs):

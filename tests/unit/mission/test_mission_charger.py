@@ -110,6 +110,15 @@ def test_a_wheelchair_that_latches_at_the_start_is_not_undocked(story):
     assert (story.state, story.calls(), story.goal.x) == (State.RUNNING, [], 2.0)
 
 
+@pytest.mark.parametrize("pause", [False, True])
+def test_a_robot_that_charges_by_a_cable_changes_no_destination(story, pause):
+    story.start("park", {"wait": 60.0}).given(faults=("COLLISION_IMMINENT",)).tick(15.0).given(charging=True)
+    state = (story.command(ev.PAUSE) if pause else story).state
+    story.order("a", "park", operation=Operation.REPLACE, origin=Origin.TOUCH_SCREEN)
+    assert (story.answer.success, story.state) == (False, state)
+    assert "charges" in story.answer.message
+
+
 # --- the battery becomes critical ------------------------------------------------------------------------------------
 
 

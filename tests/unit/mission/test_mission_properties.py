@@ -45,10 +45,10 @@ changes = st.one_of(
     st.fixed_dictionaries({"emergency_stop": st.booleans()}),
     st.fixed_dictionaries({"safety_known": st.booleans()}),
     st.fixed_dictionaries({"faults": faults}),
-    st.fixed_dictionaries({"battery": st.sampled_from([0.8, 0.1, float("nan")])}),
+    st.fixed_dictionaries({"battery": st.sampled_from([0.8, 0.1, float("nan")]), "charging": st.booleans()}),
     st.fixed_dictionaries({"planned": st.booleans(), "navigation_served": st.booleans()}),
     st.fixed_dictionaries(
-        {"docking_served": st.booleans(), "docking_state": st.sampled_from(["", "IDLE", "SERVOING"])}
+        {"docking_served": st.booleans(), "docking_state": st.sampled_from(["", "IDLE", "SERVOING", "DOCKED"])}
     ),
 )
 calls = st.integers(0, 4)
