@@ -59,14 +59,14 @@ class SqliteJournal:
     def load(self) -> Record:
         """See Journal.load."""
         try:
-            row = self._open().execute("SELECT record FROM current").fetchone()
+            row = self._open().execute("SELECT CAST(record AS BLOB) FROM current").fetchone()
             self._unread = False
             return Record() if row is None else _from_json(row[0])
-        except _NOT_NOW as error:
-            self.close()
-            self._unread = True
-            raise JournalError(self._text(error)) from error
-        except _NONSENSE as error:
+        except _ERRORS as error:
+            if not _is_damage(error):
+                self.close()
+                self._unread = True
+                raise JournalError(self._text(error)) from error
             raise self._move_aside(error) from error
 
     def save(self, record: Record) -> None:
@@ -82,9 +82,9 @@ class SqliteJournal:
                 connection.execute(_SAVE, (now_s, _to_json(record)))
                 connection.execute(_LOG, (now_s, *_history_columns(record)))
                 connection.execute(_PRUNE)
-        except (sqlite3.Error, OSError) as error:
+        except _ERRORS as error:
             self.close()
-            raise JournalError(self._text(error)) from error
+            raise JournalError(str(self._move_aside(error)) if _is_damage(error) else self._text(error)) from error
 
     def close(self) -> None:
         if self._connection is not None:
@@ -125,9 +125,23 @@ class _Nonsense(Exception):
     """The database is readable, but its content is not a valid journal."""
 
 
-# OperationalError: locked, read-only, full, cannot be opened. Its base DatabaseError: not a database, malformed.
-_NOT_NOW = (sqlite3.OperationalError, OSError)
-_NONSENSE = (sqlite3.DatabaseError, _Nonsense)
+# UnicodeDecodeError: of SQLite's message about a damaged schema.
+_ERRORS = (sqlite3.Error, OSError, UnicodeDecodeError, _Nonsense)
+_NOT_NOW = (
+    sqlite3.SQLITE_BUSY,
+    sqlite3.SQLITE_LOCKED,
+    sqlite3.SQLITE_READONLY,
+    sqlite3.SQLITE_IOERR,
+    sqlite3.SQLITE_FULL,
+    sqlite3.SQLITE_CANTOPEN,
+)
+
+
+def _is_damage(error: Exception) -> bool:
+    """False if the same journal may work later. An extended code has its primary one in the lowest byte."""
+    if isinstance(error, sqlite3.Error):
+        return getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF not in _NOT_NOW
+    return not isinstance(error, OSError)
 
 
 def _prepare(connection: sqlite3.Connection) -> None:
@@ -169,9 +183,9 @@ def _to_json(record: Record) -> str:
     )
 
 
-def _from_json(text: str) -> Record:
+def _from_json(text: bytes) -> Record:
     try:
-        data: dict[str, Any] = json.loads(text)
+        data: dict[str, Any] = json.loads(str(text, "utf-8"))
         start = data["start"]
         record = Record(
             state=State(data["state"]),

@@ -167,6 +167,15 @@ def truncate(path):
     path.write_bytes(path.read_bytes()[:5000])
 
 
+def in_bytes(old, new):
+    def damage(path):
+        data = path.read_bytes()
+        assert old in data
+        path.write_bytes(data.replace(old, new))
+
+    return damage
+
+
 def in_sql(statement, *values):
     def damage(path):
         with sqlite3.connect(path) as connection:
@@ -191,6 +200,9 @@ DAMAGES = {
     "page": overwrite_a_page,
     "truncated": truncate,
     "version": in_sql("PRAGMA user_version = 99"),
+    "a column's name": in_bytes(b"record TEXT", b"recorf TEXT"),
+    "schema no text": in_bytes(b"CREATE TABLE current", b"CREATE TABL\xc5 current"),
+    "record no text": in_sql("UPDATE current SET record = CAST(X'7bff7d' AS TEXT)"),
     "no json": in_sql("UPDATE current SET record = '{'"),
     "a list": in_sql("UPDATE current SET record = '[]'"),
     "a key missing": in_sql("UPDATE current SET record = '{}'"),
@@ -229,6 +241,21 @@ def test_damaged_journal_is_moved_aside_and_reported(path, name):
     assert "\n" not in problem
     save(path, FULL)
     assert reopened(path) == FULL, "and a new journal takes its place"
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [DAMAGES["version"], DAMAGES["schema no text"], in_sql("ALTER TABLE history RENAME TO other")],
+    ids=["version", "schema", "history"],
+)
+def test_a_journal_damaged_while_in_use_fails_one_save_and_is_moved_aside(path, damage):
+    save(path, FULL)
+    damage(path)
+    journal = SqliteJournal(path)
+    with pytest.raises(JournalError, match=r"mission\.db was damaged .* and is now mission\.db\.damaged-"):
+        journal.save(FULL)
+    journal.save(FULL)
+    assert reopened(path) == FULL
 
 
 def test_a_damaged_journal_that_cannot_be_moved_is_an_error(path, monkeypatch):
