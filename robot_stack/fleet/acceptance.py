@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from enum import StrEnum
 from typing import Final
 
@@ -21,6 +22,7 @@ MAX_ACTIONS: Final = 500
 _PAST_ORDERS: Final = 1000  # 20 kB of the journal
 _ENTRY_BYTES: Final = 100  # of a node, edge or action in the state, without its texts
 _RESULT_BYTES: Final = 4 * RESULT_LENGTH
+_OTHERS: Final = "an order or a mission of another client comes first"
 
 
 class Mode(StrEnum):
@@ -32,7 +34,7 @@ class Mode(StrEnum):
 
 
 def mode_of(robot: RobotView, order: OrderRecord | None) -> Mode:
-    """AUTOMATIC while the fleet's orders start, or one of them is under way."""
+    """AUTOMATIC while the fleet's orders start, each where the robot stands, or one of them is under way."""
     if robot.queue is None:
         return Mode.SERVICE
     part = order.part if order is not None else None
@@ -40,7 +42,8 @@ def mode_of(robot: RobotView, order: OrderRecord | None) -> Mode:
         return Mode.MANUAL
     if part is not None and robot.queue.current == part.id:
         return Mode.AUTOMATIC
-    others = bool(robot.queue.current) or robot.mission_active
+    before = robot.queue.ready - {part.id if part is not None else ""}
+    others = bool(robot.queue.current or before) or robot.mission_active
     return Mode.SERVICE if robot.queue.held_by != HeldBy.NOTHING or others else Mode.AUTOMATIC
 
 
@@ -95,17 +98,9 @@ def _new(record: Record, order: Order, robot: RobotView, vehicle: Vehicle, now_s
         how = "charges: send stopCharging first" if current.charges else "is under way: update it, or cancel it first"
         text = f"the order {current.id!r} {how}"
         raise order.refused(ErrorType.OTHER_ORDER, text, ("activeOrderId", current.id))
-    mode = mode_of(robot, current)
-    if mode is not Mode.AUTOMATIC:
-        reason = robot.queue.reason if robot.queue is not None else "the mission manager does not report"
-        hint = "staff release the queue on the touch screen or with: robot-stack mission queue release"
-        raise order.refused(
-            ErrorType.NOT_AVAILABLE, f"operating mode {mode}: {reason}", ("operatingMode", mode), hint=hint
-        )
+    _check_mode(order, current, robot)
     check(order, vehicle)
-    problem = start_problem(order.nodes[0], robot.pose if robot.localized else None, vehicle)
-    if problem:
-        raise order.refused(ErrorType.START_NODE, problem, ("nodeId", order.nodes[0].id))
+    _check_place(order, order.nodes[0], robot, vehicle)
     base = order.nodes[: order.base]
     loaded = check_loads(order, _actions(base), robot.loaded)
     check_loads(order, _actions(order.nodes[order.base :]), loaded)
@@ -151,7 +146,12 @@ def _update(record: Record, current: OrderRecord, order: Order, robot: RobotView
         node, number = current.decision
         text = f"the update must begin with the last node of the base, {node!r} with sequenceId {number}"
         raise order.refused(ErrorType.ORDER_UPDATE, text, ("nodeId", first.id))
+    if current.phase is Phase.COMPLETED:
+        _check_mode(order, current, robot)
     check(order, vehicle)
+    if current.phase is Phase.COMPLETED and first.position is not None:
+        end = replace(first.position, x=current.end.x, y=current.end.y)
+        _check_place(order, replace(first, position=end), robot, vehicle)
     base, horizon = order.nodes[1 : order.base], order.nodes[order.base :]
     # The stitching node keeps the actions that it was first given.
     loaded = check_loads(order, _actions(base), current.loaded)
@@ -182,6 +182,22 @@ def _update(record: Record, current: OrderRecord, order: Order, robot: RobotView
         }
     )
     return record.model_copy(update={"order": progress.with_stops(taken, stops)})
+
+
+def _check_mode(order: Order, current: OrderRecord | None, robot: RobotView) -> None:
+    mode = mode_of(robot, current)
+    if mode is not Mode.AUTOMATIC:
+        reason = "the mission manager does not report" if robot.queue is None else robot.queue.reason or _OTHERS
+        hint = "staff release the queue on the touch screen or with: robot-stack mission queue release"
+        raise order.refused(
+            ErrorType.NOT_AVAILABLE, f"operating mode {mode}: {reason}", ("operatingMode", mode), hint=hint
+        )
+
+
+def _check_place(order: Order, first: Node, robot: RobotView, vehicle: Vehicle) -> None:
+    problem = start_problem(first, robot.pose if robot.localized else None, vehicle)
+    if problem:
+        raise order.refused(ErrorType.START_NODE, problem, ("nodeId", first.id))
 
 
 def _check_number(order: Order, before: int, actions: tuple[Action, ...]) -> None:

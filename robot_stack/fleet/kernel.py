@@ -98,6 +98,8 @@ class FleetKernel:
         standing = self._stands(robot)
         if robot.queue is not None and robot.queue.held_by == HeldBy.MANUAL:
             self.record = instant.cancelled_by_robot(self.record, "the robot was driven by hand")
+        elif progress.is_overtaken(self.record.order, robot):
+            self.record = instant.cancelled_by_robot(self.record, "an order of another client began first")
         self._follow(robot, standing)  # the end of an order, before another one takes its place
         left_bytes = self._params.limits.message_bytes
         for _ in range(min(len(self._inbox), self._params.limits.messages_per_tick)):

@@ -165,6 +165,12 @@ def followed(record: Record, robot: RobotView) -> Record:
         order = order.model_copy(update={"part": part})
     if state == _COMPLETED:
         order = _part_completed(order, part)
+        if (
+            order.phase is Phase.COMPLETED
+            and robot.pose is not None
+            and part.stops[-1].kind in (Kind.DOCK, Kind.UNDOCK)
+        ):
+            order = order.model_copy(update={"end": robot.pose})  # beside the node
     elif state is not None and order.phase is Phase.CANCELLING:
         order = _ended(order, Phase.CANCELLED, order.reason)
     elif state is not None:
@@ -175,6 +181,12 @@ def followed(record: Record, robot: RobotView) -> Record:
     elif part.seen and not queue.knows(part.id):
         order = _ended(order, Phase.ABORTED, "the mission manager does not know the order any more")
     return _with_order(record, _running(order, robot) if order.phase is Phase.ACTIVE else order)
+
+
+def is_overtaken(order: OrderRecord | None, robot: RobotView) -> bool:
+    """Another order moves the robot away from where this one, which still waits, was to start."""
+    part, queue = order.part if order is not None else None, robot.queue
+    return part is not None and queue is not None and bool(queue.current) and part.id in queue.waiting
 
 
 def _with_order(record: Record, order: OrderRecord) -> Record:

@@ -14,7 +14,10 @@ LOST = "LOCALIZATION_LOST"
 
 @dataclass(frozen=True, slots=True)
 class Queue:
-    """/mission/queue. current: id of the order under way. waiting: ids. ended: state numbers by id."""
+    """/mission/queue. current: id of the order under way. waiting: ids. ended: state numbers by id.
+
+    ready: ids of those waiting without an earliest time.
+    """
 
     held_by: int
     reason: str
@@ -22,6 +25,7 @@ class Queue:
     waiting: frozenset[str]
     ended: Mapping[str, int]
     paused_by: str
+    ready: frozenset[str]
 
     def knows(self, order_id: str) -> bool:
         return order_id == self.current or order_id in self.waiting or order_id in self.ended

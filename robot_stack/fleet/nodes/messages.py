@@ -29,6 +29,7 @@ def queue_of(message: MissionQueue) -> Queue:
         frozenset(order.id for order in message.orders),
         {order.id: order.state for order in message.ended},
         message.paused_by,
+        frozenset(order.id for order in message.orders if order.earliest == Time()),
     )
 
 

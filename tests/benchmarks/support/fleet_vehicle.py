@@ -257,6 +257,7 @@ class FleetVehicle:
             frozenset(order.id for order in queue.orders),
             {order.id: int(order.state) for order in queue.ended},
             report.paused_by.value if report.paused_by else "",
+            frozenset(order.id for order in queue.orders if not order.earliest_s),
         )
 
 

@@ -124,6 +124,7 @@ class Manager:
         self.held_by, self.reason = HeldBy.NOTHING, ""
         self.added: list[str] = []
         self.asked: list[Request] = []
+        self.scheduled: set[str] = set()  # with an earliest time
 
     def edit(self, request: Request) -> tuple[bool, str]:
         self.asked.append(request)
@@ -195,7 +196,8 @@ class Manager:
 
     def view(self, robot: RobotView) -> RobotView:
         waiting = frozenset(name for name in self.added if name not in self.ended and name != self.current)
-        queue = Queue(self.held_by, self.reason, self.current, waiting, dict(self.ended), self.paused_by)
+        ended = dict(self.ended)
+        queue = Queue(self.held_by, self.reason, self.current, waiting, ended, self.paused_by, waiting - self.scheduled)
         shown = self.current or getattr(self, "_last", "")
         return replace(robot, queue=queue, mission=MissionView(self.state, shown, self.done, ""))
 

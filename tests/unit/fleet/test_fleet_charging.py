@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import Kind
 from robot_stack.fleet.errors import ErrorType
 from robot_stack.fleet.factsheet import factsheet
@@ -82,6 +83,7 @@ def test_an_update_waits_until_the_robot_has_left_the_charger(docked: Bench) -> 
     docked.serve()  # undocked, and on the way back
     assert error_types(docked.order(update)) == docked.named(ErrorType.ORDER_UPDATE)
     docked.serve()
+    docked.robot = replace(docked.robot, pose=Pose2(4.0, 0.0, 0.0))
     assert error_types(docked.order(update)) == []
     assert statuses(docked.state)["stop"] == "FINISHED"
     assert docked.serve(2)["lastNodeId"] == "b"

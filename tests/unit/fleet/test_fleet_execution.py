@@ -188,6 +188,7 @@ def test_an_update_that_comes_with_the_end_of_the_route_becomes_the_next_order(b
     bench.order(order(route("a", "b", "c", horizon=1)))
     bench.order(order(route("b", first=2, x=2.0), update=1))  # the horizon is gone: the route is complete
     bench.manager.serve()
+    bench.robot = replace(bench.robot, pose=Pose2(2.0, 0.0, 0.0))
     bench.order(order(route("b", "c", first=2, x=2.0), update=2))
     assert (node_ids(bench.serve(3)), len(bench.manager.added)) == ([], 2)
 

@@ -16,8 +16,10 @@ from robot_stack.core.config import config_dir, read_yaml
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import Kind
 from robot_stack.fleet.errors import ErrorType
+from robot_stack.fleet.progress import Operation, Request
 from robot_stack.fleet.record import Phase
 from robot_stack.fleet.robot import Safety
+from robot_stack.fleet.vehicle import Stop
 from robot_stack.fleet.version import Version
 from tests.unit.fleet.master import (
     EDGES_V3,
@@ -33,6 +35,8 @@ from tests.unit.fleet.master import (
     route,
     statuses,
 )
+
+STOP = Stop(0, "", "far", 60.0, 0.0, 0.0, Kind.PARK)
 
 
 @pytest.fixture(params=list(Version))
@@ -176,6 +180,29 @@ def test_while_a_person_is_needed_the_fleet_is_not_in_control(bench: Bench, held
     is_refused(bench, order(route("a", "b")), ErrorType.NOT_AVAILABLE, ("operatingMode", mode))
 
 
+@pytest.mark.parametrize(("scheduled", "mode"), [(False, "SERVICE"), (True, "AUTOMATIC")])
+def test_an_order_of_a_person_that_waits_comes_first(bench: Bench, scheduled: bool, mode: str) -> None:
+    bench.manager.start = lambda: None  # type: ignore[method-assign]
+    bench.manager.edit(Request(0, Operation.ADD, "person", (STOP,)))
+    bench.manager.scheduled = {"person"} if scheduled else set()
+    assert bench.tick()["operatingMode"] == mode
+    if scheduled:
+        assert error_types(bench.order(order(route("a", "b")))) == []
+        assert bench.state["operatingMode"] == "AUTOMATIC", "its own order waits"
+    else:
+        is_refused(bench, order(route("a", "b")), ErrorType.NOT_AVAILABLE, ("operatingMode", mode))
+
+
+def test_an_order_that_another_one_overtakes_is_cancelled(bench: Bench) -> None:
+    bench.manager.start = lambda: None  # type: ignore[method-assign]
+    bench.order(order(route("a", "b")))
+    bench.manager.edit(Request(0, Operation.ADD, "person", (STOP,)))
+    bench.manager.current = "person"
+    for _ in range(3):
+        bench.tick()
+    assert (node_ids(bench.state), bench.manager.ended) == ([], {bench.manager.added[0]: 3})
+
+
 def test_without_a_mission_manager_no_order_is_taken_over(bench: Bench) -> None:
     bench.manager.view = lambda robot: robot  # type: ignore[method-assign]
     bench.order(order(route("a", "b")))
@@ -233,10 +260,40 @@ def test_the_horizon_can_be_replaced_and_deleted(bench: Bench) -> None:
 def test_an_order_without_a_horizon_is_continued_before_and_after_its_end(bench: Bench, served: int) -> None:
     bench.order(order(route("a", "b")))
     bench.serve(served)
+    bench.robot = replace(bench.robot, pose=Pose2(2.0, 0.0, 0.0))
     state = bench.order(order(route("b", "c", first=2, x=2.0), update=1))
     assert (error_types(state), state["orderUpdateId"]) == ([], 1)
     state = bench.serve(4)
     assert (state["lastNodeId"], node_ids(state), len(bench.manager.added)) == ("c", [], 2)
+
+
+@pytest.mark.parametrize(("x", "taken"), [(2.0, True), (2.6, False), (200.0, False)])
+def test_an_update_after_the_end_needs_the_robot_at_the_end(bench: Bench, x: float, taken: bool) -> None:
+    bench.order(order(route("a", "b")))
+    bench.serve(3)
+    bench.robot = replace(bench.robot, pose=Pose2(x, 0.0, 0.0))
+    update = order(route("b", "c", first=2, x=2.0), update=1)
+    if taken:
+        assert error_types(bench.order(update)) == []
+    else:
+        is_refused(bench, update, ErrorType.START_NODE, ("nodeId", "b"))
+
+
+def test_an_update_after_the_end_in_a_held_queue_is_refused(bench: Bench) -> None:
+    bench.order(order(route("a", "b")))
+    bench.serve(3)
+    bench.robot = replace(bench.robot, pose=Pose2(2.0, 0.0, 0.0))
+    bench.manager.held_by = HeldBy.STAFF
+    update = order(route("b", "c", first=2, x=2.0), update=1)
+    is_refused(bench, update, ErrorType.NOT_AVAILABLE, ("operatingMode", "SERVICE"))
+
+
+def test_an_update_after_an_undocking_continues_beside_its_node(bench: Bench) -> None:
+    bench.robot = replace(bench.robot, loaded=True)
+    bench.order(order([node("a", 0, 0.0), node("b", 2, 2.0, action("drop", loadId="x"))]))
+    bench.robot = replace(bench.robot, pose=Pose2(1.0, 0.0, 0.0), loaded=False)  # it has backed off
+    bench.serve(3)
+    assert error_types(bench.order(order(route("b", "c", first=2, x=2.0), update=1))) == []
 
 
 def test_the_stitching_node_keeps_its_actions(bench: Bench) -> None:
