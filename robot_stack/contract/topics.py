@@ -675,6 +675,7 @@ LATCH_STATUS = Topic(
         "navigation_controller",
         "costmap_server",
         "ehmi_bridge",
+        "mission_manager",
         "fleet_agent",
     ),
     "internal: latch confirmed closed, wheelchair attached, undocking under way; also at each change",

@@ -123,10 +123,6 @@ class DockingCalls:
         """True if only permission to send the task's goal is missing: then the robot will move."""
         return self._phase is Phase.WAITING and not self._awaited(inputs)
 
-    @property
-    def succeeded(self) -> bool:
-        return self._phase is Phase.ENDED and self._end.success
-
     def on_event(self, event: DockingEvent) -> None:
         """Handles an event. Of an earlier goal only its end counts."""
         if isinstance(event, DockingEnded) and event.call == self._open:

@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from sensor_msgs.msg import BatteryState
-from std_msgs.msg import Bool, String
+from std_msgs.msg import String
 
 from custom_msgs.msg import UICommand
 from robot_stack.contract import services, topics
@@ -22,6 +22,7 @@ from robot_stack.middleware.conversions import pose_from_msg, twist_from_msg
 from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.navigation_client import NavigationClient
 from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.wheelchair import WheelchairInput
 from robot_stack.mission import events as ev
 from robot_stack.mission.journal import SqliteJournal, journal_path
 from robot_stack.mission.kernel import MissionKernel
@@ -70,7 +71,7 @@ class MissionManagerNode(StackNode):
         self.subscribe(topics.UI_COMMAND, self._on_command)
         self.serve(services.EDIT_MISSION_QUEUE, self._on_edit)
         self.subscribe(topics.UI_LANGUAGE, self._on_language)
-        self.subscribe(topics.PASSENGER_ATTACHED, self._on_passenger)
+        WheelchairInput(self, self._on_wheelchair, assumed=record.passenger_attached)
         self.every(self.params.tick_rate_hz, self._tick)
 
     # --- inputs ------------------------------------------------------------------------------------------------------
@@ -87,8 +88,8 @@ class MissionManagerNode(StackNode):
     def _on_language(self, message: String) -> None:
         self._outputs.set_language(message.data)
 
-    def _on_passenger(self, message: Bool) -> None:
-        self._handle(ev.PassengerChanged(message.data))
+    def _on_wheelchair(self, attached: bool) -> None:
+        self._handle(ev.PassengerChanged(attached))
 
     def on_emergency_stop(self) -> None:
         self._handle(ev.EmergencyStopBegan())

@@ -12,7 +12,7 @@ from nav_msgs.msg import Odometry
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import Bool
 
-from custom_msgs.msg import MissionOrder, MissionQueue, RobotStatus, SafetyStatus, UICommand
+from custom_msgs.msg import LatchStatus, MissionOrder, MissionQueue, RobotStatus, SafetyStatus, UICommand
 from custom_msgs.srv import EditMissionQueue
 from robot_stack.contract import services, topics
 from robot_stack.contract.display import Display
@@ -275,6 +275,20 @@ def test_an_aborted_goal_is_sent_again_and_its_reason_shown_when_the_tries_are_o
     assert world.status.last.state == "FAILED"
     assert world.status.last.reason.endswith("try 2 of 2; navigation: goal refused: no path (error 208)")
     assert len(world.navigation.goals) >= 2
+
+
+def test_a_false_on_passenger_attached_detaches_nothing_that_the_latch_holds(world):
+    latch = LatchStatus(closed=True, attached=True)
+    world.bench.repeat(topics.LATCH_STATUS, lambda: latch, 10.0)
+    world.launch()
+    world.status.wait(lambda s: s.passenger_attached, "the passenger")
+    world.bench.publish(topics.PASSENGER_ATTACHED, Bool(data=False))
+    world.bench.run(1.0)
+    assert world.status.last.passenger_attached
+    world.kill()
+    latch.attached = False
+    world.launch()
+    world.status.wait(lambda s: not s.passenger_attached, "the passenger that left during the restart")
 
 
 def test_sigkill_during_a_mission_restores_it_paused_with_the_passenger(world):
