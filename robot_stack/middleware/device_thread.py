@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 import os
 import select
 import threading
 import time
 from collections.abc import Callable
 from typing import Protocol
+
+_log = logging.getLogger(__name__)
 
 
 class DeviceLost(Exception):
@@ -22,18 +25,15 @@ class HasFileno(Protocol):
 
 
 class Device(Protocol):
-    """where: the device in words. errors: what its library raises for a loss besides OSError and ValueError."""
+    """where: the device in words."""
 
     @property
     def where(self) -> str: ...
 
-    @property
-    def errors(self) -> tuple[type[Exception], ...]: ...
-
     def use(self, thread: DeviceThread) -> None:
         """Opens the device, calls ``thread.report_open``, uses it while ``thread.running``, and closes it.
 
-        Raises DeviceLost, OSError, ValueError or one of ``errors`` if the device cannot be opened or is lost. ``close``
+        Raises DeviceLost or an exception of the device's library if the device cannot be opened or is lost. ``close``
         of the thread takes as long as the longest blocking call between two looks at ``thread.running``.
         """
         ...
@@ -51,6 +51,7 @@ class DeviceThread:
         self.state = f"{device.where} is not open yet"
         self.opened = 0
         self.running = True
+        self._logged = ""
         self._wake = os.eventfd(0, os.EFD_NONBLOCK)
         self._thread = threading.Thread(target=self._run, name=type(device).__name__, daemon=True)
         self._thread.start()
@@ -82,14 +83,18 @@ class DeviceThread:
         return file in ready
 
     def _run(self) -> None:
-        losses: tuple[type[Exception], ...] = (OSError, ValueError, *self._device.errors)
         while self.running:
             try:
                 self._device.use(self)
             except DeviceLost as lost:
                 self.state = f"{self._device.where} {lost}"
-            except losses as error:
+            except (OSError, ValueError) as error:
                 self.state = f"{self._device.where}: {reason(error)}"
+            except Exception as error:  # a library's own, or a defect: without a thread the device would stay lost
+                self.state = f"{self._device.where}: {type(error).__name__}: {error}"
+                if self.state != self._logged:
+                    self._logged = self.state
+                    _log.exception("%s; the device is reopened", self.state)
             self._pause()
 
     def _pause(self) -> None:

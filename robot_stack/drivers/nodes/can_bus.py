@@ -21,8 +21,6 @@ class CanBus:
     channel: network interface or device path. keep_alive: (identifier, data) that is sent every ``keep_alive_s``.
     """
 
-    errors = (can.CanError,)
-
     def __init__(
         self,
         clock: Callable[[], float],

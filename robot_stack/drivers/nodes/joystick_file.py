@@ -18,8 +18,6 @@ class JoystickFile:
     A device with invalid events is reopened.
     """
 
-    errors = ()
-
     def __init__(self, device: str, on_events: Callable[[Sequence[Event]], None], on_lost: Callable[[], None]) -> None:
         self.where, self._on_events, self._on_lost = device, on_events, on_lost
 

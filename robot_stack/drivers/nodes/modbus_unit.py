@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from pymodbus import ModbusException
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 
 from robot_stack.drivers.modbus.battery import Block
@@ -37,8 +36,6 @@ class ModbusUnit:
 
     serial_port: the path, if the transport is ``rtu``.
     """
-
-    errors = (ModbusException,)
 
     def __init__(
         self,

@@ -20,8 +20,6 @@ class SerialLine:
     on_bytes: the bytes of one read.
     """
 
-    errors = ()
-
     def __init__(
         self,
         clock: Callable[[], float],

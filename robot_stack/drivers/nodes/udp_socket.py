@@ -19,8 +19,6 @@ class UdpSocket:
     Raises OSError if the address cannot be bound.
     """
 
-    errors = ()
-
     def __init__(self, address: str, port: int, sender: str, on_packet: Callable[[bytes], None]) -> None:
         self.where = f"{address} port {port}"
         self._sender, self._on_packet = sender, on_packet

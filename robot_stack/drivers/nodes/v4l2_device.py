@@ -28,8 +28,6 @@ class V4l2Device:
     exposure setting.
     """
 
-    errors = ()
-
     def __init__(
         self,
         device: str,

@@ -6,6 +6,7 @@ GREY, YUYV); ITU-T T.81 B.1.1.3 (markers).
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import dataclass
 
@@ -59,7 +60,9 @@ def _jpeg(data: NDArray[np.uint8]) -> NDArray[np.uint8]:
         raise BadFrame("is no JPEG")
     if not content.endswith(_END):
         raise BadFrame("is cut off")
-    pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
+    pixels = None
+    with contextlib.suppress(cv2.error):  # a size in the header beyond the decoder's limits
+        pixels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_GRAYSCALE)
     if pixels is None:
         raise BadFrame("cannot be decoded")
     return np.asarray(pixels, np.uint8)

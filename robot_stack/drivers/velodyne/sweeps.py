@@ -51,6 +51,8 @@ class SweepBuilder:
         device_s = 1e-6 * self._time.update(packet.hour_us)
         if not self._follows(packet, device_s):
             return None
+        if packet.model != self.model:
+            self._decoder = self._begin()  # a decoder rejects the packets of a second model
         self.problem, self.model = "", packet.model
         jumps = self._clock.jumps
         taken_s = self._clock.update(device_s, arrival_s)

@@ -25,8 +25,6 @@ class SerialPort:
     ``show`` and ``status`` may be called from any thread and do not block.
     """
 
-    errors = ()
-
     def __init__(self, port: str, baud_rate: int, params: LinkParams, wanted: Shown) -> None:
         self.where, self._baud_rate = port, baud_rate
         self._link = Link(params, wanted)
@@ -62,11 +60,13 @@ class SerialPort:
                 try:
                     self._act()
                     self._wait(thread)
-                except (OSError, ValueError) as error:
+                except Exception as error:
                     problem = "cannot be opened" if self._serial is None else "is disconnected"
                     self._drop_port()
                     with self._turn:
                         self._link.lost(f"{self.where} {problem}: {reason(error)}", time.monotonic())
+                    if not isinstance(error, (OSError, ValueError)):
+                        raise
         finally:
             self._drop_port()
 

@@ -35,8 +35,6 @@ class MqttLink:
     displaces no message of another. ``dropped`` counts them.
     """
 
-    errors = ()
-
     def __init__(
         self,
         params: BrokerParams,
@@ -96,8 +94,8 @@ class MqttLink:
         try:
             while thread.running:
                 self._session(thread)
-        except (DeviceLost, OSError, ValueError) as error:
-            self._lost(str(error) if isinstance(error, DeviceLost) else reason(error))
+        except Exception as error:
+            self._lost(reason(error))
             raise
 
     def _session(self, thread: DeviceThread) -> None:

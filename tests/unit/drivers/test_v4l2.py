@@ -60,6 +60,14 @@ def test_empty_jpeg_is_rejected() -> None:
         decode(np.frombuffer(b"\xff\xd8\x00\x01\xff\xd9", np.uint8), PixelFormat.MJPG, HEIGHT, WIDTH)
 
 
+def test_jpeg_with_a_size_beyond_the_decoder_is_rejected() -> None:
+    data = jpeg()
+    size = data.tobytes().index(b"\xff\xc0") + 5
+    data[size] = data[size + 2] = 0xFF
+    with pytest.raises(BadFrame, match="cannot be decoded"):
+        decode(data, PixelFormat.MJPG, HEIGHT, WIDTH)
+
+
 def test_another_size_is_refused_by_name() -> None:
     with pytest.raises(BadFrame, match="is 64x48, the calibration is for 64x50"):
         decode(jpeg(), PixelFormat.MJPG, 50, WIDTH)

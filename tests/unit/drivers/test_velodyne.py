@@ -157,6 +157,14 @@ def test_a_lidar_that_was_silent_goes_on_with_whole_sweeps() -> None:
     assert built.counters[INCOMPLETE] <= 2
 
 
+def test_lidar_exchanged_for_the_other_model_goes_on_with_its_sweeps() -> None:
+    built = builder()
+    run(built, list(Vlp16(everywhere).packets(2 * TURN)))
+    packets = [packet[:-1] + b"\x24" for packet in Vlp16(everywhere).packets(4 * TURN)]
+    assert len(run(built, packets[2 * TURN :], NOW_S + 2 * TURN * PACKET_S)) == 1
+    assert built.model == "Puck Hi-Res"
+
+
 @pytest.mark.parametrize(("before_s", "after_s", "pause_s"), [(0.0, 1000.0, 0.0), (1000.0, 2.0, 19.8)])
 def test_a_clock_that_jumps_counts_no_losses(before_s: float, after_s: float, pause_s: float) -> None:
     built, begin_s = builder(), NOW_S + 2 * TURN * PACKET_S + pause_s

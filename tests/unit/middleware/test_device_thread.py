@@ -21,7 +21,6 @@ class Pipe:
     """A device that delivers the bytes of a pipe; an ended pipe is a loss."""
 
     where = "pipe"
-    errors = (LibraryError,)
 
     def __init__(self, lost: Exception | None = None) -> None:
         self.lost, self.got, self.uses = lost, b"", 0
@@ -72,7 +71,7 @@ def test_reads_until_it_is_closed(start: Callable[[Pipe, float], DeviceThread]) 
         (DeviceLost("sends no frames"), "pipe sends no frames"),
         (FileNotFoundError(2, "No such file", "/dev/nothing"), "pipe: No such file or directory"),
         (ValueError("not a baud rate: 7"), "pipe: not a baud rate: 7"),
-        (LibraryError("bus off"), "pipe: bus off"),
+        (LibraryError("bus off"), "pipe: LibraryError: bus off"),
     ],
 )
 def test_loss_is_reported_and_not_retried_before_the_pause(
@@ -100,6 +99,17 @@ def test_device_of_a_failed_open_is_used_once_it_is_there(start: Callable[[Pipe,
     wait_for(lambda: device.uses >= 2, "a second try")
     device.lost = None
     wait_for(lambda: thread.state == "pipe is open", "the device")
+
+
+def test_exception_of_a_library_is_logged_once_and_the_device_is_reopened(
+    start: Callable[[Pipe, float], DeviceThread], caplog: pytest.LogCaptureFixture
+) -> None:
+    device = Pipe(LibraryError("bus off"))
+    thread = start(device, 0.001)
+    wait_for(lambda: device.uses >= 3, "two more tries")
+    device.lost = None
+    wait_for(lambda: thread.state == "pipe is open", "the device")
+    assert caplog.messages == ["pipe: LibraryError: bus off; the device is reopened"]
 
 
 def test_reason_of_an_error() -> None:
