@@ -143,8 +143,10 @@ class RosPort(Node):
             return SharedWorldClock(self._world_clock)
         return TopicClock(lambda: float(self.get_clock().now().nanoseconds) / NANOSECONDS)
 
-    def _received_s(self, info: Mapping[str, int]) -> float:
+    def _received_s(self, info: Mapping[str, int], before_s: float) -> float:
         """The time of a reception, which the middleware gives in system time, on the steady clock.
+
+        before_s: of the subscription's previous message; the times of one subscription never fall.
 
         A message that does not wake the node waits before it is read, but arrived after the previous read: so a step
         of the system clock shifts nothing by more than that.
@@ -153,7 +155,7 @@ class RosPort(Node):
         if self._time.simulated:
             return now_s
         waited_s = (time.time_ns() - info["received_timestamp"]) / NANOSECONDS
-        return now_s - min(max(waited_s, 0.0), time.monotonic() - self._taken_s)
+        return max(now_s - min(max(waited_s, 0.0), time.monotonic() - self._taken_s), before_s)
 
     # --- called by the executor --------------------------------------------------------------------------------------
 
@@ -210,14 +212,17 @@ class RosPort(Node):
         message_class, profile = interface_class(row.type), qos_profile(row.qos)
         profile.depth = depth
         read = None if raw else READERS.get(row.type)
+        received_s = -math.inf
 
         def take(message: Any, info: Mapping[str, int]) -> None:
+            nonlocal received_s
             if read is not None:
                 try:
                     message = read(message)
                 except UnknownEncoding:  # left to the middleware, which reports the error
                     message = deserialize_message(message, message_class)
-            callback(message, self._received_s(info))
+            received_s = self._received_s(info, received_s)
+            callback(message, received_s)
 
         on_message, as_bytes = self._deliveries.noted(row, take, wakes), raw or read is not None
         if row.bulk and not transport.carries_bulk():

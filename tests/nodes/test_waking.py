@@ -186,5 +186,22 @@ def test_a_subscription_that_has_ended_is_taken_no_more(ros_domain: int, peer: P
         assert node.taken == []
 
 
+def test_reception_times_of_a_subscription_never_fall(ros_domain: int) -> None:
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = Listener()
+    try:
+        times: list[float] = []
+        node.ros.subscribe(
+            topics.CMD_VEL, "/other", lambda _, received_s: times.append(received_s), 2, wakes=False, raw=False
+        )
+        (take,) = [item.callback for item in node.ros.subscriptions if item.topic_name == "/other"]
+        for waited_ns in (0, 3_600_000_000_000):  # the system clock steps by an hour in between
+            take(Twist(), {"received_timestamp": time.time_ns() - waited_ns})
+        assert times[1] == times[0]
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown()
+
+
 def commands_in(subscriptions: Iterable[Any]) -> bool:
     return topics.CMD_VEL.name in [item.topic_name for item in subscriptions]
