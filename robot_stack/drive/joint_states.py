@@ -16,7 +16,9 @@ class BadJointStates(ValueError):
     """A joint state message that must not be used. The message names the field and its limit."""
 
 
-def encoders(stamp_s: float, names: Sequence[str], positions_rad: Sequence[float]) -> Encoders:
+def encoders(
+    stamp_s: float, names: Sequence[str], positions_rad: Sequence[float], received_s: float | None = None
+) -> Encoders:
     """The readings of the eight joints, in whatever order ``names`` has them. Raises BadJointStates."""
     if len(names) != len(JOINTS) or frozenset(names) != _KNOWN:
         raise BadJointStates(
@@ -29,7 +31,7 @@ def encoders(stamp_s: float, names: Sequence[str], positions_rad: Sequence[float
         if not math.isfinite(value):
             raise BadJointStates(f"position of {name} must be finite, is {value}")
     values = [float(by_name[name]) for name in JOINTS]
-    return Encoders(stamp_s, _pick(values, DRIVE_AXES), _pick(values, STEER_AXES))
+    return Encoders(stamp_s, _pick(values, DRIVE_AXES), _pick(values, STEER_AXES), received_s)
 
 
 def _pick(values: Sequence[float], axes: tuple[int, int, int, int]) -> Four:

@@ -8,7 +8,7 @@ between two readings becomes displacements of the wheels (interval), whose least
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from robot_stack.contract.frames import MODULES
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
@@ -31,11 +31,15 @@ _JUMP = 2.0  # an encoder that reports more than this multiple of the largest sp
 
 @dataclass(frozen=True, slots=True)
 class Encoders:
-    """stamp_s: time of the reading. drive_rad: accumulated wheel angles. steer_rad: headings, any number of turns."""
+    """stamp_s: time of the reading. drive_rad: accumulated wheel angles. steer_rad: headings, any number of turns.
+
+    received_s: steady time of the reception, None if only the stamp is known.
+    """
 
     stamp_s: float
     drive_rad: Four
     steer_rad: Four
+    received_s: float | None = field(default=None, compare=False)
 
     def is_finite(self) -> bool:
         return math.isfinite(self.stamp_s) and all(map(math.isfinite, (*self.drive_rad, *self.steer_rad)))
@@ -87,13 +91,24 @@ class SwerveOdometry:
         last, self._last = self._last, reading
         if last is None:
             self._odometry = replace(self._odometry, twist=ZERO_TWIST, faults=())
-        elif reading.stamp_s - last.stamp_s > self._params.longest_gap_s:
-            self._odometry = self._after_gap(reading.stamp_s - last.stamp_s)
+        elif (elapsed_s := self._elapsed_s(last, reading)) > self._params.longest_gap_s:
+            self._odometry = self._after_gap(elapsed_s)
         elif reading == last:
             self._odometry = replace(self._odometry, faults=())
         else:
-            self._odometry = self._advanced(last, reading)
+            self._odometry = self._advanced(last, reading, elapsed_s)
         return self._odometry
+
+    def _elapsed_s(self, last: Encoders, reading: Encoders) -> float:
+        """By the stamps; by the receptions if the system clock, which stamps, was set in between.
+
+        Stamps that are closer than the receptions are those of messages that waited.
+        """
+        stamps_s = reading.stamp_s - last.stamp_s
+        if last.received_s is None or reading.received_s is None:
+            return stamps_s
+        received_s = reading.received_s - last.received_s
+        return stamps_s if 0.0 <= stamps_s <= received_s + self._params.longest_gap_s else received_s
 
     def _after_gap(self, gap_s: float) -> Odometry:
         self._previous = None
@@ -108,8 +123,8 @@ class SwerveOdometry:
             faults=(fault,),
         )
 
-    def _advanced(self, last: Encoders, reading: Encoders) -> Odometry:
-        interval = self._interval(last, reading)
+    def _advanced(self, last: Encoders, reading: Encoders, elapsed_s: float) -> Odometry:
+        interval = self._interval(last, reading, elapsed_s)
         believed, faults = self._plausible(interval)
         if len(believed) < _FEWEST_MODULES:
             faults.append(f"fewer than {_FEWEST_MODULES} modules are plausible: the pose is not updated")
@@ -118,7 +133,7 @@ class SwerveOdometry:
         pose, motion, fit = self._moved(interval, believed)
         if faults:
             self._previous = None
-        twist = self._twist(motion, reading.stamp_s - last.stamp_s)
+        twist = self._twist(motion, elapsed_s)
         return self._result(pose, motion, twist, fit.rms_m / interval.elapsed_s, fit, tuple(faults))
 
     def _twist(self, motion: Twist2, elapsed_s: float) -> Twist2:
@@ -135,9 +150,9 @@ class SwerveOdometry:
         self._unread = ZERO_TWIST, 0.0
         return unread.scaled(1.0 / unread_s)
 
-    def _interval(self, last: Encoders, reading: Encoders) -> Interval:
-        # The distance is known even if the time is not (a clock that went back): only speeds and plausibility need it.
-        elapsed_s = max(reading.stamp_s - last.stamp_s, self._params.shortest_interval_s)
+    def _interval(self, last: Encoders, reading: Encoders, elapsed_s: float) -> Interval:
+        # The distance is known even if the time is not (two receptions at once): only speeds and plausibility need it.
+        elapsed_s = max(elapsed_s, self._params.shortest_interval_s)
         turns = (math.remainder(new - old, TURN) for new, old in zip(reading.steer_rad, last.steer_rad, strict=True))
         radius, learnt = self._radius_m, self.calibration
         ways = (

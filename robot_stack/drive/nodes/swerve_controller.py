@@ -46,7 +46,7 @@ class SwerveControllerNode(StackNode):
         self._tf, self._transforms = self.advertise(topics.TF), DriveTransforms(self.robot)
         self._description = self.advertise(topics.ROBOT_DESCRIPTION)
         self._description.publish(String(data=robot_description(self.robot, load_robot_shape())))
-        self.subscribe(topics.JOINT_STATES, self._on_joint_states)
+        self._joint_states = self.subscribe(topics.JOINT_STATES, self._on_joint_states)
         self.subscribe(topics.CMD_VEL, self._on_cmd_vel)
         self.subscribe(topics.DOCKING_CMD_VEL, lambda message: self._on_stamped(Source.DOCKING, message))
         self.subscribe(topics.TELEOP_CMD_VEL, lambda message: self._on_stamped(Source.TELEOP, message))
@@ -72,7 +72,8 @@ class SwerveControllerNode(StackNode):
 
     def _on_joint_states(self, message: JointState) -> None:
         try:
-            measured = encoders(time_to_s(message.header.stamp), message.name, message.position)
+            stamp_s, received_s = time_to_s(message.header.stamp), self._joint_states.received_s
+            measured = encoders(stamp_s, message.name, message.position, received_s)
         except BadJointStates as error:  # counts as silence
             self.log_throttled(f"{topics.JOINT_STATES.name} refused: {error}")
             return

@@ -13,7 +13,8 @@ POSITIONS = [10.0, 0.1, 20.0, 0.2, 30.0, 0.3, 40.0, 0.4]
 
 
 def test_joints_are_sorted_by_name():
-    got = encoders(1.5, JOINTS, POSITIONS)
+    got = encoders(1.5, JOINTS, POSITIONS, 7.0)
+    assert got.received_s == 7.0
     assert (got.stamp_s, got.drive_rad, got.steer_rad) == (1.5, (10.0, 20.0, 30.0, 40.0), (0.1, 0.2, 0.3, 0.4))
     assert encoders(1.5, list(reversed(JOINTS)), list(reversed(POSITIONS))) == got
 

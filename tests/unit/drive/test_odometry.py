@@ -355,6 +355,28 @@ def test_time_that_runs_back_loses_no_distance():
     assert near(wheels.odometry.update(wheels.reading()).pose, Pose2(0.003, 0.0, 0.0))
 
 
+@pytest.mark.parametrize("step_s", [3600.0, 2.0, -0.05, -2.0])
+def test_set_clock_changes_no_odometry_of_received_readings(step_s: float):
+    odometry, set_clock = new_odometry(), new_odometry()
+    for tick in range(20):
+        stamp_s, way = 10.0 + tick * DT_S, (1.5 * tick * DT_S / RADIUS,) * 4
+        expected = odometry.update(Encoders(stamp_s, way, ZEROS, stamp_s))
+        stepped_s = stamp_s + (step_s if tick >= 10 else 0.0)
+        got = set_clock.update(Encoders(stepped_s, way, ZEROS, stamp_s))
+        assert got.faults == ()
+        assert got.twist.vx == pytest.approx(expected.twist.vx)
+        assert near(got.pose, expected.pose)
+        assert got.pose_covariance == pytest.approx(expected.pose_covariance)
+
+
+def test_readings_that_waited_are_dated_by_their_stamps():
+    odometry, waited = new_odometry(), new_odometry()
+    for tick in range(3):
+        stamp_s, way = 10.0 + tick * DT_S, (0.5 * tick * DT_S / RADIUS,) * 4
+        expected = odometry.update(Encoders(stamp_s, way, ZEROS))
+        assert waited.update(Encoders(stamp_s, way, ZEROS, 10.0 if tick == 0 else 15.0)) == expected
+
+
 def test_covariance_of_ten_metres_straight():
     """sigma_x^2 = 0.01^2 * 10; yaw noise, 0.005^2 per metre, adds to y: the integral of (10 - s)^2 is 10^3 / 3."""
     wheels = Wheels()
