@@ -60,7 +60,7 @@ class BulkInputs:
         arrived: deque[tuple[Any, Any]] = deque(maxlen=profile.depth)
 
         def hand_over() -> None:
-            while arrived:
+            if arrived:  # else replaced by newer messages
                 callback(*arrived.popleft())
 
         def keep(message: Any, info: Any) -> None:

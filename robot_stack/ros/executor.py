@@ -206,10 +206,14 @@ class LeanExecutor(Executor):
                     pass
 
     def _take_messages(self, subscription: Any) -> None:
-        """Reads all messages that have arrived, oldest first."""
+        """Reads the messages that have arrived, oldest first.
+
+        There are at most ``depth``, as the history is KEEP_LAST. Those that arrive meanwhile are read at the next
+        wake-up: a publisher that is faster than the callback leaves turns to the timers and the other topics.
+        """
         handle, raw, message_type = subscription.handle, subscription.raw, subscription.msg_type
         only_message = subscription._callback_type is Subscription.CallbackType.MessageOnly
-        while True:
+        for _ in range(max(1, subscription.qos_profile.depth)):
             try:
                 taken = handle.take_message(message_type, raw)
             except (InvalidHandle, _rclpy.RCLError):

@@ -172,7 +172,7 @@ class RosPort(Node):
     def on_taken(self) -> None:
         """The executor has read all arrived messages."""
         self._taken_s = time.monotonic()
-        while self._soon:
+        for _ in range(len(self._soon)):  # those that are added meanwhile follow at the next wake-up
             self._soon.popleft()()
 
     def on_pause(self, late_s: float) -> None:

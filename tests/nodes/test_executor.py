@@ -15,6 +15,7 @@ from std_srvs.srv import Trigger
 
 from custom_msgs.action import Undock
 from robot_stack.ros.executor import LeanExecutor
+from tests.support.waiting import wait_for
 
 
 @pytest.fixture
@@ -47,6 +48,26 @@ def test_timer_publisher_and_late_subscription(ros: tuple[Node, LeanExecutor]) -
     node.create_subscription(Float64, "number", lambda message: heard.append(message.data), 1)
     _spin_until(executor, lambda: len(heard) >= 3)
     assert heard[0] == 1.0
+
+
+def test_flood_of_one_topic_leaves_turns_to_timers(ros: tuple[Node, LeanExecutor]) -> None:
+    """Each callback publishes the next message, so that one has always arrived."""
+    node, executor = ros
+    publisher = node.create_publisher(Float64, "flood", 1)
+    messages: list[float] = []
+    ticks: list[int] = []
+
+    def flood(message: Float64) -> None:
+        messages.append(message.data)
+        assert len(messages) - ticks[-1] < 500, "no timer is served"
+        publisher.publish(message)
+        wait_for(executor._wakeups.pending, "the next message")
+
+    node.create_subscription(Float64, "flood", flood, 5)
+    node.create_timer(0.001, lambda: ticks.append(len(messages)))
+    _spin_until(executor, lambda: ticks)
+    publisher.publish(Float64())
+    _spin_until(executor, lambda: len(set(ticks)) > 3)
 
 
 def test_destroyed_subscription_is_silent_and_harmless(ros: tuple[Node, LeanExecutor]) -> None:
