@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from robot_stack.core.compiled import compiled
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2, exp_se2
-from robot_stack.core.pose_history import PoseHistory
+from robot_stack.core.pose_history import LATE_S, PoseHistory
 from robot_stack.perception.params import DeskewParams
 
 Float = NDArray[np.float32]
@@ -44,21 +44,26 @@ LEVEL = Attitude(0.0, 0.0)
 
 
 class Motion:
-    """Poses of base_link of the last second: odometry in the plane, roll and pitch from the inertial unit."""
+    """Poses of base_link of the last second: odometry in the plane, roll and pitch from the inertial unit.
+
+    restarts: number of times that the clock was set back; what was observed before has stamps of another clock.
+    """
 
     def __init__(self, params: DeskewParams) -> None:
         self._params = params
         self._poses = PoseHistory(params.history_s)
         self._twist = Twist2(0.0, 0.0, 0.0)
         self._attitudes: deque[tuple[float, Attitude]] = deque()
+        self.restarts = 0
 
     def on_odometry(self, stamp_s: float, pose: Pose2, twist: Twist2) -> str:
         """Adds a reading; returns the reason if it is rejected, else an empty text."""
         if not (math.isfinite(stamp_s) and pose.is_finite() and twist.is_finite()):
             return "/odom is not finite"
         newest = self._poses.newest
-        if newest is not None and newest.stamp_s - stamp_s > self._params.history_s:
-            self._poses.clear()  # the clock was restarted
+        if newest is not None and newest.stamp_s - stamp_s > LATE_S:
+            self._poses.clear()
+            self.restarts += 1
         if self._poses.add(stamp_s, pose):
             self._twist = twist
         return ""
@@ -68,7 +73,7 @@ class Motion:
         if not all(map(math.isfinite, (stamp_s, attitude.roll_rad, attitude.pitch_rad))):
             return
         items = self._attitudes
-        if items and items[-1][0] - stamp_s > self._params.history_s:
+        if items and items[-1][0] - stamp_s > LATE_S:
             items.clear()
         if not items or stamp_s > items[-1][0]:
             items.append((stamp_s, attitude))

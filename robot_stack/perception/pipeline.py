@@ -68,6 +68,7 @@ class Pipeline:
     def __init__(self, robot: Robot, params: PerceptionParams) -> None:
         self._robot, self._params = robot, params
         self.motion = Motion(params.deskew)
+        self._restarts = 0
         range_m = (params.crop.range_min_m, params.crop.range_max_m)
         self._view = SensorView(robot, params, frames.LIDAR, range_m)
         self._mount = self._view.mount
@@ -150,9 +151,11 @@ class Pipeline:
         return self._people.look(stamp_s, self.space.grid(), bodies)
 
     def _pose_at(self, stamp_s: float) -> Pose2:
-        """base_link in odom; a restart of odometry clears all stored observations, whose frame was another."""
+        """base_link in odom; a restart of odometry or of the clock clears all stored observations, whose frame or
+        stamps were others."""
         pose = self.motion.pose_at(stamp_s)
-        if self.space.has_jumped(pose, stamp_s):
+        if self.motion.restarts != self._restarts or self.space.has_jumped(pose, stamp_s):
+            self._restarts = self.motion.restarts
             self.forget()
         return pose
 

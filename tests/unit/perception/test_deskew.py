@@ -11,9 +11,13 @@ from hypothesis import strategies as st
 
 from robot_stack.core.config import load
 from robot_stack.core.geometry import Pose2, Twist2, exp_se2
+from robot_stack.core.point_cloud import SWEEP
+from robot_stack.core.robot import Robot
 from robot_stack.perception.attitude import attitude_of
 from robot_stack.perception.deskew import Attitude, Motion, deskew
 from robot_stack.perception.params import PerceptionParams
+from robot_stack.perception.pipeline import Pipeline
+from tests.unit.perception.scenes import sweep
 
 DESKEW = load(PerceptionParams, "perception_pipeline").deskew
 TWISTS = st.builds(Twist2, st.floats(-1.5, 1.5), st.floats(-1.5, 1.5), st.floats(-1.0, 1.0))
@@ -68,6 +72,37 @@ def test_odometry_that_stops_is_named() -> None:
     motion = driven(Twist2(0.5, 0.0, 0.0), until_s=-0.1)
     assert motion.problem(0.0) == ""
     assert "0.25 s older than the sweep, limit 0.2 s" in motion.problem(0.15)
+
+
+def test_clock_set_back_clears_the_stored_observations(
+    pipeline: Pipeline, robot: Robot, params: PerceptionParams
+) -> None:
+    new = Pipeline(robot, params)
+    new.scene(np.empty(0, SWEEP), 9.6)
+    pipeline.motion.on_odometry(10.0, Pose2(0.0, 0.0, 0.0), Twist2(0.0, 0.0, 0.0))
+    pipeline.scene(sweep(), 10.0)
+    pipeline.motion.on_odometry(9.6, Pose2(0.0, 0.0, 0.0), Twist2(0.0, 0.0, 0.0))
+    pipeline.scene(np.empty(0, SWEEP), 9.6)
+    np.testing.assert_array_equal(pipeline.grid().state, new.grid().state)
+
+
+@pytest.mark.parametrize("back_s", [0.13, 0.4, 2.0])
+def test_clock_set_back_keeps_the_present_pose(back_s: float) -> None:
+    motion = driven(Twist2(1.0, 0.0, 0.0))
+    motion.on_attitude(0.0, Attitude(0.0, 0.0))
+    motion.on_odometry(0.02 - back_s, Pose2(0.02, 0.0, 0.0), Twist2(1.0, 0.0, 0.0))
+    motion.on_attitude(0.02 - back_s, Attitude(0.1, 0.0))
+    assert motion.pose_at(0.03 - back_s).x == pytest.approx(0.03)
+    assert motion.attitude_at(0.03 - back_s) == Attitude(0.1, 0.0)
+    assert motion.restarts == 1
+
+
+def test_late_reading_is_ignored() -> None:
+    motion = driven(Twist2(1.0, 0.0, 0.0))
+    motion.on_odometry(-0.09, Pose2(7.0, 0.0, 0.0), Twist2(1.0, 0.0, 0.0))
+    motion.on_odometry(-0.09, Pose2(7.0, 0.0, 0.0), Twist2(1.0, 0.0, 0.0))
+    assert motion.pose_at(-0.09).x == pytest.approx(-0.09)
+    assert motion.restarts == 0
 
 
 def test_readings_that_are_not_finite_are_refused() -> None:
