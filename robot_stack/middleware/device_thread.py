@@ -48,6 +48,7 @@ class DeviceThread:
 
     def __init__(self, device: Device, reopen_s: float | Callable[[], float]) -> None:
         self._device, self._reopen_s = device, reopen_s
+        self._open = f"{device.where} is open"
         self.state = f"{device.where} is not open yet"
         self.opened = 0
         self.running = True
@@ -55,6 +56,14 @@ class DeviceThread:
         self._wake = os.eventfd(0, os.EFD_NONBLOCK)
         self._thread = threading.Thread(target=self._run, name=type(device).__name__, daemon=True)
         self._thread.start()
+
+    @property
+    def is_open(self) -> bool:
+        return self.state == self._open
+
+    def problem(self, of_data: str) -> str:
+        """Why no data arrive. of_data: why those of the open device are not used; empty if none arrive."""
+        return of_data if of_data and self.is_open else self.state
 
     def close(self) -> None:
         """Safe to call twice."""
@@ -73,7 +82,7 @@ class DeviceThread:
 
     def report_open(self) -> None:
         self.opened += 1
-        self.state = f"{self._device.where} is open"
+        self.state = self._open
 
     def wait(self, duration_s: float | None, file: HasFileno | int | None = None) -> bool:
         """True if ``file`` has data; False after ``duration_s`` (None: unlimited), or once ``wake`` was called."""

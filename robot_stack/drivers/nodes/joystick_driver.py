@@ -57,7 +57,7 @@ class JoystickDriverNode(StackNode):
 
     def _watch(self) -> None:
         state = self._thread.state
-        is_open = state.endswith("is open")
+        is_open = self._thread.is_open
         self.set_health(is_open, "the joystick is connected" if is_open else state)
         self.report.values |= {"device": state, "dead-man button": self._teleop.grip.value}
 

@@ -53,6 +53,7 @@ class PacketLidarNode(StackNode):
         self._message = cloud_message(np.empty(0, SWEEP), frames.LIDAR)
         self._sweeps = self.advertise(topics.LIDAR_POINTS)
         self._published_s = -math.inf
+        self._arrived = False  # a packet since the last watch
         self._tf = self.advertise(topics.TF_STATIC)
         place = mounting(frames.LIDAR, sensor.xyz_m, self.robot.sensor_frame(frames.LIDAR), self.stamp())
         self._tf.publish(TFMessage(transforms=[place]))
@@ -74,6 +75,7 @@ class PacketLidarNode(StackNode):
             raise ConfigError(f"{name}: {params.bind_address} port {params.port}: {error.strerror}") from error
 
     def _on_packet(self, data: bytes) -> None:
+        self._arrived = True
         sweep = self._builder.received(data, self.now_s())
         if sweep is not None:
             self.call_soon(partial(self._publish, sweep))
@@ -89,7 +91,8 @@ class PacketLidarNode(StackNode):
         """Reports silence; old sweeps are never repeated."""
         builder = self._builder
         silent = self.steady_s() - self._published_s > self.params.silence_s
-        why = builder.problem or f"no packets from the {self._device}"
+        arrived, self._arrived = self._arrived, False
+        why = self._thread.problem((arrived and builder.problem) or f"no packets from the {self._device}")
         self.set_health(not silent, f"no sweeps: {why}" if silent else "sweeps arrive")
         self.report.values |= {
             "device": f"{builder.model or 'no packet yet'}, {self._device}",

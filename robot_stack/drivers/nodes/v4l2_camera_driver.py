@@ -61,7 +61,7 @@ class _Camera:
         """Why no images arrive; empty while they do."""
         if now_s - self._output.published_s <= self._node.params.silence_s:
             return ""
-        return f"no images of the {self._name} camera: {self._chooser.problem or self._thread.state}"
+        return f"no images of the {self._name} camera: {self._thread.problem(self._chooser.problem)}"
 
     def values(self) -> dict[str, str]:
         """For /diagnostics."""

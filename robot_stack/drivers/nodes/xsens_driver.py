@@ -44,7 +44,7 @@ class XsensDriverNode(StackNode):
     def _watch(self) -> None:
         silent = self.steady_s() - self._sampled_s > self.params.silence_s
         if silent:
-            self.set_health(False, f"no samples: {self._unit.problem or self._thread.state}")
+            self.set_health(False, f"no samples: {self._thread.problem(self._unit.problem)}")
         elif not self._unit.settled:
             self.set_health(True, "samples arrive; the unit's orientation is not settled yet")
         else:

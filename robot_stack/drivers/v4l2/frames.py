@@ -106,5 +106,6 @@ class FrameChooser:
 
     def begin_anew(self) -> None:
         """The device was reopened: frames in between do not count as lost."""
+        self.problem = ""
         self._last_s = -math.inf
         self._thinning.restart()

@@ -103,12 +103,13 @@ class VendorTopic:
     def problem(self, steady_s: float, publishers: int) -> str:
         """Why no messages are used; empty while they are. publishers: of the topic, as discovered."""
         topic, reliable = self.params.topic, self.params.reliability is Reliability.RELIABLE
+        silent = steady_s - self._used_s > self.params.silence_s
+        if silent and not publishers:
+            return f"{topic} has no publisher: start the vendor's driver, or name its topic"
         if self._refusal:
             return f"{topic} refused: {self._refusal}"
-        if steady_s - self._used_s <= self.params.silence_s:
+        if not silent:
             return ""
-        if not publishers:
-            return f"{topic} has no publisher: start the vendor's driver, or name its topic"
         advice = ": if its publisher is best effort, set reliability: best_effort" if reliable else ""
         return f"{topic} is silent{advice}"
 

@@ -54,6 +54,7 @@ class Unit:
         self._decoder.restart()
         self._clock.restart()
         self._ticks, self._counter = Unwrapped(_TICKS), None
+        self.problem = ""
 
     def received(self, data: bytes, arrival_s: float) -> list[Sample]:
         """arrival_s: of the newest byte, by this computer's clock."""

@@ -131,6 +131,13 @@ def test_a_corrupt_frame_is_counted_and_the_next_ends_the_problem() -> None:
     assert chooser.problem == ""
 
 
+def test_reopening_ends_the_problem_of_the_last_frame() -> None:
+    chooser = FrameChooser(PARAMS, HEIGHT, WIDTH)
+    assert chooser.picture(jpeg()[:200], 100.0) is None
+    chooser.begin_anew()
+    assert chooser.problem == ""
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [

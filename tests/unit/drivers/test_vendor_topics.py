@@ -101,6 +101,7 @@ def test_problem_names_publisher_silence_and_refusal() -> None:
     assert "set reliability: best_effort" in made.problem(0.0, 1)
     made.refused("too odd")
     assert made.problem(0.1, 1) == "/vendor/data refused: too odd"
+    assert "has no publisher" in made.problem(0.1, 0)
     made.used(0.2)
     assert made.problem(0.7, 1) == ""
     assert "is silent" in made.problem(0.71, 1)

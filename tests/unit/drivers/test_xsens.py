@@ -199,8 +199,10 @@ def test_a_unit_that_was_switched_off_in_between() -> None:
     unit, device = Unit(params(latency_s=0.0)), Mti(ticks=5_000_000)
     for i in range(5):
         unit.received(device.sample(Motion()), NOW_S + 0.01 * i)
+    unit.received(frame(0x42, b"\x28"), NOW_S + 0.05)
     device = Mti()
     unit.opened()
+    assert unit.problem == ""
     (sample,) = unit.received(device.sample(Motion()), NOW_S + 3.0)
     assert sample.stamp_s == pytest.approx(NOW_S + 3.0)
     assert (unit.counters[JUMPS], unit.counters[LOST]) == (0, 0)

@@ -112,6 +112,17 @@ def test_exception_of_a_library_is_logged_once_and_the_device_is_reopened(
     assert caplog.messages == ["pipe: LibraryError: bus off; the device is reopened"]
 
 
+def test_loss_of_the_device_precedes_a_problem_of_its_data(start: Callable[[Pipe, float], DeviceThread]) -> None:
+    device = Pipe()
+    thread = start(device, HOUR_S)
+    wait_for(lambda: thread.is_open, "the device")
+    assert thread.problem("a frame is cut off") == "a frame is cut off"
+    assert thread.problem("") == "pipe is open"
+    os.close(device.end)
+    wait_for(lambda: not thread.is_open, "the loss")
+    assert thread.problem("a frame is cut off") == "pipe has ended"
+
+
 def test_reason_of_an_error() -> None:
     assert reason(OSError(5, "anything", "/dev/x")) == "Input/output error"
     assert reason(OSError("no number")) == "no number"
