@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import ClassVar
 
 import numpy as np
@@ -37,7 +36,6 @@ class VendorCloudNode(StackNode):
         )
         self._message = cloud_message(np.empty(0, SWEEP), self.sensor)
         self._sweeps = self.advertise(self.points)
-        self._published_s = -math.inf
         self._tf = self.advertise(topics.TF_STATIC)
         place = mounting(self.sensor, sensor.xyz_m, self.robot.sensor_frame(self.sensor), self.stamp())
         self._tf.publish(TFMessage(transforms=[place]))
@@ -59,7 +57,6 @@ class VendorCloudNode(StackNode):
         fill(self._message, sweep.points)
         self._message.header.stamp = time_from_s(sweep.stamp_s)
         self._sweeps.publish(self._message)
-        self._published_s = self.steady_s()
         self.set_health(True, f"sweeps arrive, layout {sweep.layout}, stamped at the {sweep.stamp_at.value} point")
         order = self._adapter.ring_order
         self.report.values |= {

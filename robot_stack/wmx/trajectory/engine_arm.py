@@ -38,7 +38,6 @@ class EngineArm:
         self._buffered_connection = 0
         self._waiting = session.text
         self._snapshot: StatusSnapshot = empty_snapshot()
-        self._refusal: Fault | None = None
 
     # --- session -----------------------------------------------------------------------------------------------------
 
