@@ -64,9 +64,10 @@ class Software(Config):
 
 
 class EventRecord(Config):
-    """id: date and time (UTC) of the first trigger."""
+    """id: date and time (UTC) of the first trigger. number: counts the events, whatever the system clock shows."""
 
     id: str
+    number: int = 0
     state: EventState
     triggers: tuple[Trigger, ...]
     software: Software
@@ -113,7 +114,7 @@ def read_events(folder: Path) -> list[EventRecord]:
         found = [record for item in folder.iterdir() if item.is_dir() and (record := read_record(item)) is not None]
     except OSError:
         return []
-    return sorted(found, key=lambda record: (record.at_s, record.id), reverse=True)
+    return sorted(found, key=lambda record: (record.number, record.at_s, record.id), reverse=True)
 
 
 def event_bytes(folder: Path) -> int:

@@ -23,6 +23,9 @@ INTERRUPTED = "INTERRUPTED"  # an earlier black box has ended without completing
 _STOPS = (SafetyAction.STOP, SafetyAction.EMERGENCY_STOP)
 _BYTES_PER_GB = 1e9
 _S_PER_DAY = 86_400.0
+# Less than a robot runs that is switched off every night.
+_CLOCK_SETTLED_S = 6 * 3600.0
+_CLOCK_STEP_S = 60.0
 
 
 class TriggerWatch:
@@ -167,30 +170,47 @@ class Window:
         return Step(cut=self._open is not None and (end or full), end=end, begin=begin, drop=drop)
 
 
+class Retention:
+    """What is older than some days is too old, once the system clock has run for six hours without a step: a wrong time
+    that is corrected before deletes nothing.
+    """
+
+    def __init__(self, days: float) -> None:
+        self._retention_s = days * _S_PER_DAY
+        self._offset_s = self._since_s = math.inf
+
+    def before_s(self, system_s: float, steady_s: float) -> float:
+        """The time before which all is too old, in s since the epoch."""
+        offset_s = system_s - steady_s
+        if abs(offset_s - self._offset_s) > _CLOCK_STEP_S:
+            self._offset_s, self._since_s = offset_s, steady_s
+        return system_s - self._retention_s if steady_s - self._since_s >= _CLOCK_SETTLED_S else -math.inf
+
+
 @dataclass(frozen=True, slots=True)
 class Stored:
-    """A completed event on the disk. at_s: its first trigger, in s since the epoch."""
+    """A completed event on the disk. number, at_s: see ``EventRecord``."""
 
     id: str
+    number: int
     at_s: float
     bytes: int
 
 
-def to_delete(
-    events: Sequence[Stored], now_s: float, retention_days: float, retention_gb: float, missing_bytes: float
-) -> tuple[str, ...]:
+def to_delete(events: Sequence[Stored], before_s: float, retention_gb: float, missing_bytes: float) -> tuple[str, ...]:
     """Ids of events to delete, the oldest first.
 
-    now_s: s since the epoch. missing_bytes: what must be deleted so that the disk has room, <= 0 if it has. A disk that
-    others have filled is no reason to lose events: for room, the newest stays, and the others go only if that suffices.
+    before_s: of ``Retention``. An event that follows a younger one has a wrong time and stays.
+    missing_bytes: what must be deleted so that the disk has room, <= 0 if it has. A disk that others have filled is no
+    reason to lose events: for room, the newest stays, and the others go only if that suffices.
     """
-    by_age = sorted(events, key=lambda item: (item.at_s, item.id))
+    by_age = sorted(events, key=lambda item: (item.number, item.at_s, item.id))
     if missing_bytes > sum(event.bytes for event in by_age[:-1]):
         missing_bytes = 0.0
     chosen = []
     left = sum(event.bytes for event in events)
     for event in by_age:
-        too_old = now_s - event.at_s > retention_days * _S_PER_DAY
+        too_old = event.at_s < before_s
         too_many = left > retention_gb * _BYTES_PER_GB
         if not (too_old or too_many or missing_bytes > 0.0):
             break

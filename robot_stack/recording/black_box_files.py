@@ -23,7 +23,7 @@ from robot_stack.core import kept_events
 from robot_stack.core.atomic_file import sync_folder
 from robot_stack.core.kept_events import EventRecord, EventState, MapUsed, NodeSnapshot, Software, Trigger
 from robot_stack.recording.background import bytes_over
-from robot_stack.recording.black_box import INTERRUPTED, Stored, Timing, Window, to_delete
+from robot_stack.recording.black_box import INTERRUPTED, Retention, Stored, Timing, Window, to_delete
 from robot_stack.recording.metadata import METADATA_FILE, TopicInfo, metadata_text
 from robot_stack.recording.params import BlackBoxParams
 from robot_stack.recording.recovery import InUse, NotRecoverable, is_complete, recover_file, recover_folder
@@ -83,6 +83,7 @@ class BlackBox:
         self._window = Window(
             Timing(params.before_s, params.after_s, params.segment_s, segment_bytes, params.event_max_s)
         )
+        self._retention = Retention(params.retention_days)
         self._triggers: deque[Trigger] = deque()
         self._file: BagFile | None = None
         self._event: EventRecord | None = None
@@ -93,7 +94,9 @@ class BlackBox:
             made.mkdir(parents=True, exist_ok=True)
         self._number = self._last_number()
         self._inherit()
-        self._stored = [stored for item in kept_events.read_events(self._events) if (stored := self._sized(item))]
+        records = kept_events.read_events(self._events)
+        self._event_number = max((record.number for record in records), default=0)
+        self._stored = [stored for item in records if (stored := self._sized(item))]
         self.flush()
 
     @property
@@ -222,6 +225,7 @@ class BlackBox:
     def _begin_event(self, triggers: list[Trigger]) -> EventRecord:
         record = EventRecord(
             id=self._new_id(triggers[0].at_s),
+            number=self._event_number + 1,
             state=EventState.OPEN,
             triggers=tuple(triggers),
             software=self._provenance.software,
@@ -236,6 +240,7 @@ class BlackBox:
         (folder / kept_events.CONFIG_FILE).write_bytes(self._provenance.config)
         kept_events.write_record(folder, record)
         sync_folder(self._events)
+        self._event_number = record.number
         return record
 
     def _new_id(self, at_s: float) -> str:
@@ -324,8 +329,8 @@ class BlackBox:
         params, missing = self._params, bytes_over(self._segments, self._params.max_disk_use)
         there = {path.name for path in self._events.iterdir()}
         self._stored = [event for event in self._stored if event.id in there]
-        old = to_delete(self._stored, self._system_s(), params.retention_days, params.retention_gb, missing)
-        self._delete(old)
+        before_s = self._retention.before_s(self._system_s(), now_s)
+        self._delete(to_delete(self._stored, before_s, params.retention_gb, missing))
         if bytes_over(self._segments, params.max_disk_use) > 0.0:
             self._finish_file()
             self._window.closed(now_s)
@@ -346,6 +351,6 @@ class BlackBox:
         if self._event is not None and event.id == self._event.id:
             return None
         try:
-            return Stored(event.id, event.at_s, kept_events.event_bytes(self._events / event.id))
+            return Stored(event.id, event.number, event.at_s, kept_events.event_bytes(self._events / event.id))
         except OSError:
             return None

@@ -10,11 +10,11 @@ from robot_stack.contract import topics
 from robot_stack.core.comfort import load_seat
 from robot_stack.core.rides import RideRecord, delete_rides, write_ride
 from robot_stack.middleware.node import StackNode
+from robot_stack.recording.black_box import Retention
 from robot_stack.recording.ride_messages import RideMessages, add_motion
 from robot_stack.recording.rides import RideWatch
 
 _STEP_HZ = 5.0
-_DAY_S = 86_400.0
 
 
 class RideLog:
@@ -24,7 +24,7 @@ class RideLog:
     """
 
     def __init__(self, node: StackNode, folder: Path, retention_days: float) -> None:
-        self._node, self._folder, self._retention_s = node, folder, _DAY_S * retention_days
+        self._node, self._folder, self._retention = node, folder, Retention(retention_days)
         self._watch, self._messages = RideWatch(load_seat()), RideMessages()
         self._worker = node.worker("rides")
         for row in self._messages.rows:
@@ -36,15 +36,16 @@ class RideLog:
         self._messages.take(topic, message, self._node.steady_s())
 
     def _step(self) -> None:
-        at_s = self._node.port.system_s()
-        ride = self._watch.step(self._messages.observation(at_s, self._node.steady_s()))
+        at_s, now_s = self._node.port.system_s(), self._node.steady_s()
+        before_s = self._retention.before_s(at_s, now_s)
+        ride = self._watch.step(self._messages.observation(at_s, now_s))
         if ride is not None:
-            self._worker.submit(partial(self._write, ride, at_s), self._written)
+            self._worker.submit(partial(self._write, ride, before_s), self._written)
 
-    def _write(self, ride: RideRecord, at_s: float) -> str:
+    def _write(self, ride: RideRecord, before_s: float) -> str:
         try:
             write_ride(self._folder, ride)
-            delete_rides(self._folder, at_s - self._retention_s)
+            delete_rides(self._folder, before_s)
         except OSError as error:
             return f"the record of the ride {ride.id} cannot be written: {error.strerror or error}"
         return ""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from itertools import pairwise
 
 import pytest
@@ -14,6 +15,7 @@ from robot_stack.recording.black_box import (
     EMERGENCY_STOP,
     NODE_RESTARTED,
     SAFETY_SILENT,
+    Retention,
     Step,
     Stored,
     Timing,
@@ -207,36 +209,58 @@ def test_every_trigger_lies_in_an_event_with_all_that_belongs_to_it(ticks: set[i
 # --- retention -------------------------------------------------------------------------------------------------------
 
 
+OLD_S = -30.0 * DAY_S
+
+
 def stored(*ages_days: float, size: float = 1e9) -> list[Stored]:
-    return [Stored(f"e{age:g}", -age * DAY_S, round(size)) for age in ages_days]
+    return [Stored(f"e{age:g}", 0, -age * DAY_S, round(size)) for age in ages_days]
 
 
 def test_events_beyond_their_days_are_deleted() -> None:
-    assert to_delete(stored(1, 29, 31, 40), 0.0, 30.0, 20.0, -1.0) == ("e40", "e31")
+    assert to_delete(stored(1, 29, 31, 40), OLD_S, 20.0, -1.0) == ("e40", "e31")
 
 
 def test_beyond_the_gigabytes_the_oldest_are_deleted() -> None:
-    assert to_delete(stored(1, 2, 3, 4, 5, size=5e9), 0.0, 30.0, 20.0, -1.0) == ("e5",)
+    assert to_delete(stored(1, 2, 3, 4, 5, size=5e9), OLD_S, 20.0, -1.0) == ("e5",)
 
 
 def test_a_full_disk_takes_the_oldest_events_and_no_more_than_needed() -> None:
-    assert to_delete(stored(3, 1, 2), 0.0, 30.0, 20.0, 1.5e9) == ("e3", "e2")
-    assert to_delete(stored(3, 1, 2), 0.0, 30.0, 20.0, 0.0) == ()
-    assert to_delete(stored(3, 1, 2), 0.0, 30.0, 20.0, 2e9) == ("e3", "e2")
+    assert to_delete(stored(3, 1, 2), OLD_S, 20.0, 1.5e9) == ("e3", "e2")
+    assert to_delete(stored(3, 1, 2), OLD_S, 20.0, 0.0) == ()
+    assert to_delete(stored(3, 1, 2), OLD_S, 20.0, 2e9) == ("e3", "e2")
 
 
 def test_a_disk_that_others_have_filled_costs_no_events() -> None:
-    assert to_delete(stored(3, 1, 2), 0.0, 30.0, 20.0, 2.1e9) == (), "the newest stays, and the others do not suffice"
-    assert to_delete(stored(1), 0.0, 30.0, 20.0, 1.0) == ()
-    assert to_delete(stored(1, 31), 0.0, 30.0, 20.0, 1e12) == ("e31",), "days count nevertheless"
+    assert to_delete(stored(3, 1, 2), OLD_S, 20.0, 2.1e9) == (), "the newest stays, and the others do not suffice"
+    assert to_delete(stored(1), OLD_S, 20.0, 1.0) == ()
+    assert to_delete(stored(1, 31), OLD_S, 20.0, 1e12) == ("e31",), "days count nevertheless"
+
+
+def test_the_order_of_events_is_that_of_their_numbers() -> None:
+    """The clock was 40 days ahead during e2, and a year behind during e3."""
+    events = [Stored(f"e{n}", n, -age * DAY_S, 10**10) for n, age in ((3, 365), (2, -40), (1, 31))]
+    assert to_delete(events, OLD_S, 50.0, -1.0) == ("e1",)
+    assert to_delete(events, OLD_S, 20.0, -1.0) == ("e1",)
+    assert to_delete(events, -math.inf, 10.0, -1.0) == ("e1", "e2")
+
+
+def test_a_clock_counts_after_six_hours_without_a_step() -> None:
+    hour_s = 3600.0
+    retention = Retention(30.0)
+    assert retention.before_s(100.0 * DAY_S, 0.0) == -math.inf
+    assert retention.before_s(100.0 * DAY_S + 6.0 * hour_s + 30.0, 6.0 * hour_s) == 70.0 * DAY_S + 6.0 * hour_s + 30.0
+    assert retention.before_s(140.0 * DAY_S, 6.5 * hour_s) == -math.inf
+    assert retention.before_s(140.0 * DAY_S + 5.9 * hour_s, 12.4 * hour_s) == -math.inf
+    assert retention.before_s(140.0 * DAY_S + 6.0 * hour_s, 12.5 * hour_s) == 110.0 * DAY_S + 6.0 * hour_s
+    assert retention.before_s(100.0 * DAY_S, 13.0 * hour_s) == -math.inf
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 60.0), st.integers(0, 10**10)), max_size=8), st.floats(-1.0, 1e10))
 def test_what_stays_is_young_fits_and_is_newer_than_what_goes(
     made: list[tuple[float, int]], missing_bytes: float
 ) -> None:
-    events = [Stored(str(number), -age * DAY_S, size) for number, (age, size) in enumerate(made)]
-    gone = set(to_delete(events, 0.0, 30.0, 20.0, missing_bytes))
+    events = [Stored(str(number), 0, -age * DAY_S, size) for number, (age, size) in enumerate(made)]
+    gone = set(to_delete(events, OLD_S, 20.0, missing_bytes))
     left = [event for event in events if event.id not in gone]
     deleted = [event for event in events if event.id in gone]
     assert all(-event.at_s <= 30.0 * DAY_S for event in left)

@@ -40,6 +40,7 @@ class Rig:
         self.folder, self.events = folder, folder / "events"
         self._changes = {"max_disk_use": 0.9, **changes}
         self.now_s = 0.0
+        self.step_s = 0.0  # of the system clock
         self.number = 0
         self.box = self.make()
 
@@ -47,9 +48,12 @@ class Rig:
         """Another black box on the same folder, as after a restart."""
         params = load(BlackBoxParams, "black_box", self._changes)
         # Files have the computer's time, from which the age of those of an earlier black box is known.
-        clocks = Clocks(lambda: self.now_s, lambda: EPOCH_S + self.now_s, lambda: EPOCH_S + self.now_s)
+        clocks = Clocks(lambda: self.now_s, self.system_s, self.system_s)
         self.box = BlackBox(self.folder, [topic_info(row) for row in ROWS], params, KEPT, clocks)
         return self.box
+
+    def system_s(self) -> float:
+        return EPOCH_S + self.step_s + self.now_s
 
     def run(self, seconds: float) -> None:
         for _ in range(round(seconds / STEP_S)):
@@ -302,6 +306,29 @@ def test_events_are_bounded_by_gigabytes(tmp_path: Path, disk: dict[str, float])
     assert left == ids[-len(left) :]
     assert 0 < len(left) < 12
     assert sum(kept_events.event_bytes(rig.events / name) for name in left) <= 1e6
+
+
+def test_a_clock_that_is_set_forward_deletes_no_events(rig: Rig) -> None:
+    ids = make_events(rig, 2)
+    rig.step_s = 40 * 86_400.0
+    rig.run(22.0)
+    assert [event.id for event in reversed(read_events(rig.events))] == ids
+
+
+def test_an_event_of_a_clock_that_is_behind_is_the_newest(tmp_path: Path, disk: dict[str, float]) -> None:
+    """Also after a restart."""
+    rig = Rig(tmp_path / "box", retention_gb=1e-3)
+    make_events(rig, 8)
+    rig.box.close()
+    rig.step_s = -365 * 86_400.0
+    rig.make()
+    late = []
+    for _ in range(2):
+        rig.box.trigger(("TILT",))
+        rig.run(0.5)
+        late.append(rig.box.event)
+        rig.run(23.5)
+    assert [event.id for event in reversed(read_events(rig.events))][-2:] == late
 
 
 def test_a_full_disk_takes_the_oldest_events(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,7 +12,9 @@ from typing import Any
 import pytest
 
 from robot_stack.contract import topics
+from robot_stack.contract.model import Topic
 from robot_stack.core.rides import RideRecord, delete_rides, read_rides, why_standing, write_ride
+from robot_stack.recording.nodes.ride_log import RideLog
 from robot_stack.recording.ride_messages import RideMessages
 from robot_stack.recording.rides import Observation, RideWatch
 
@@ -247,6 +249,48 @@ def test_records_on_the_disk(tmp_path: Path) -> None:
     delete_rides(folder, 1.0)
     assert [path.stem for path in folder.iterdir()] == [day.last().id]
     assert read_rides(tmp_path / "none", 0.0, 1.0) == ([], [])
+
+
+class Node:
+    """What ``RideLog`` needs of a node: clocks, and a worker that works at once."""
+
+    system_at_s, steady_at_s = 1e9, 0.0
+
+    def __init__(self) -> None:
+        self.listened: dict[str, Any] = {}
+        self.port = Message(system_s=lambda: self.system_at_s)
+
+    def steady_s(self) -> float:
+        return self.steady_at_s
+
+    def listen(self, row: Topic, function: Any, **_: Any) -> None:
+        self.listened[row.name] = function
+
+    def every(self, _hz: float, function: Any) -> None:
+        self.step = function
+
+    def worker(self, _name: str) -> Any:
+        return Message(submit=lambda job, done: done(job()))
+
+    def log_throttled(self, problem: str) -> None:
+        raise AssertionError(problem)
+
+
+def test_a_clock_that_is_set_forward_deletes_no_rides(tmp_path: Path) -> None:
+    node = Node()
+    RideLog(node, tmp_path, 400.0)
+    left = []
+    for after_s, day in ((0.0, 0), (10.0, 500), (6 * 3600.0, 500)):
+        node.steady_at_s += after_s
+        node.system_at_s = 1e9 + 86_400.0 * day + node.steady_at_s
+        if not left:
+            (tmp_path / "ride.json").write_text("{}")
+            os.utime(tmp_path / "ride.json", (1e9, 1e9))
+        status = {"mission_id": str(after_s), "mission_name": "", "current_waypoint": "", "reason": ""}
+        node.listened[topics.MISSION_STATUS.name](Message(state="RUNNING", passenger_attached=False, **status))
+        node.step()
+        left.append((tmp_path / "ride.json").exists())
+    assert left == [True, True, False], "six hours later it counts"
 
 
 def test_messages_become_observations_and_grow_stale() -> None:
