@@ -7,9 +7,9 @@ at most the last ``flush_period_s``; the next one completes its files.
 
 from __future__ import annotations
 
-import errno
 import os
 import re
+import shutil
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
@@ -139,9 +139,9 @@ class BlackBox:
         try:
             if self._file is not None:
                 self._file.flush()
-            self._keep_room(now_s)
+            room = self._keep_room(now_s)
             self._step(now_s)
-            if self._file is None and now_s >= self._retry_at_s:
+            if self._file is None and room and now_s >= self._retry_at_s:
                 self._open(now_s)
                 self._problem = ""
         except _FAILED as error:
@@ -179,14 +179,12 @@ class BlackBox:
             file.finish(metadata_text([file.info()], self._topics))
 
     def _abandon(self, error: Exception) -> None:
-        """Nothing more can be written: gives room and tries again later."""
+        """Nothing more can be written: tries again later."""
         self.abandon()
         now_s = self._steady_s()
         self._window.closed(now_s)
         self._problem = f"{self._segments} cannot be written: {error}"
         self._retry_at_s = now_s + _RETRY_S
-        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
-            self._delete([event.id for event in sorted(self._stored, key=lambda item: item.at_s)[:-1][:1]])
 
     def _link(self, name: str, event: Path) -> None:
         with suppress(FileExistsError):
@@ -196,17 +194,20 @@ class BlackBox:
     # --- events ------------------------------------------------------------------------------------------------------
 
     def _step(self, now_s: float) -> None:
-        if self._event is not None and not self._window.in_event:
+        refused = now_s < self._retry_at_s
+        if self._event is not None and not (self._events / self._event.id).is_dir():
+            self._event = None  # deleted by others
+        if not (refused or self._window.in_event):
             self._end_event(EventState.COMPLETE)  # what has failed before
         triggers = list(self._triggers)
         step = self._window.step(now_s, 0 if self._file is None else self._file.size, bool(triggers))
         if step.cut:
             self._finish_file()
-        if step.end:
+        if step.end and not refused:
             self._end_event(EventState.COMPLETE)
         if step.cut:
             self._open(now_s)
-        if triggers:
+        if triggers and not refused:
             self._note(triggers)
             for _ in triggers:
                 self._triggers.popleft()
@@ -214,7 +215,7 @@ class BlackBox:
             (self._segments / name).unlink(missing_ok=True)
 
     def _note(self, triggers: list[Trigger]) -> None:
-        """Begins the event with these triggers, or adds them. If this fails, the next step tries it again."""
+        """Begins the event with these triggers, or adds them. If this fails, a later step tries it again."""
         if self._event is None:
             self._event = self._begin_event(triggers)
         elif len(self._event.triggers) < _TRIGGERS_MAX:
@@ -234,12 +235,16 @@ class BlackBox:
         )
         folder = self._events / record.id
         folder.mkdir()
-        # The record last: a folder without one is no event, and the next start deletes it.
-        for name in self._window.segments:
-            self._link(name, folder)
-        (folder / kept_events.CONFIG_FILE).write_bytes(self._provenance.config)
-        kept_events.write_record(folder, record)
-        sync_folder(self._events)
+        try:
+            # The record last: a folder without one is no event, and the next start deletes it.
+            for name in self._window.segments:
+                self._link(name, folder)
+            (folder / kept_events.CONFIG_FILE).write_bytes(self._provenance.config)
+            kept_events.write_record(folder, record)
+            sync_folder(self._events)
+        except OSError:
+            shutil.rmtree(folder, ignore_errors=True)
+            raise
         self._event_number = record.number
         return record
 
@@ -320,25 +325,26 @@ class BlackBox:
 
     # --- room --------------------------------------------------------------------------------------------------------
 
-    def _keep_room(self, now_s: float) -> None:
-        """Deletes old events; without room nevertheless, writing pauses."""
+    def _keep_room(self, now_s: float) -> bool:
+        """Deletes old events; without room nevertheless, writing pauses. Returns True with room."""
         paused = self._file is None
         if now_s < self._retention_at_s and not paused:
-            return
+            return True
         self._retention_at_s = now_s + _RETENTION_PERIOD_S
         params, missing = self._params, bytes_over(self._segments, self._params.max_disk_use)
         there = {path.name for path in self._events.iterdir()}
         self._stored = [event for event in self._stored if event.id in there]
         before_s = self._retention.before_s(self._system_s(), now_s)
         self._delete(to_delete(self._stored, before_s, params.retention_gb, missing))
-        if bytes_over(self._segments, params.max_disk_use) > 0.0:
+        room = bytes_over(self._segments, params.max_disk_use) <= 0.0
+        if not room:
             self._finish_file()
             self._window.closed(now_s)
-            self._retry_at_s = now_s + _RETRY_S
             limit = f"limit max_disk_use {params.max_disk_use:.0%}"
             self._problem = (
                 f"the disk of {self._segments} is full, {limit}, and deleting events does not give enough room"
             )
+        return room
 
     def _delete(self, ids: Sequence[str]) -> None:
         for name in ids:

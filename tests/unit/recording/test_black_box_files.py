@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 import signal
 import subprocess
 import sys
 import tarfile
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -385,6 +387,45 @@ def test_an_event_deleted_by_somebody_else_counts_no_longer(rig: Rig) -> None:
     kept_events.delete_event(rig.events / ids[0])
     rig.run(11.0)
     assert rig.box.events == 1
+
+
+@pytest.mark.parametrize("refused_after_s", [0.0, 5.0], ids=["begin", "end"])
+def test_a_refused_record_is_tried_again_every_five_seconds_and_costs_no_other_event(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, refused_after_s: float
+) -> None:
+    ids = make_events(rig, 3)
+    rig.box.trigger(("TILT",))
+    rig.run(refused_after_s)
+    begun = {path.name for path in rig.events.iterdir()}
+    tries = []
+
+    def refuse(folder: Path, record: kept_events.EventRecord) -> None:
+        tries.append(rig.now_s)
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as full:
+        full.setattr(kept_events, "write_record", refuse)
+        rig.run(20.0)
+    assert len(tries) > 1
+    assert all(late - early >= 5.0 for early, late in pairwise(tries))
+    assert {path.name for path in rig.events.iterdir()} == begun
+    rig.run(20.0)
+    events = list(reversed(read_events(rig.events)))
+    assert [event.id for event in events[:3]] == ids
+    assert [(event.reasons, event.state) for event in events[3:]] == [(("TILT",), EventState.COMPLETE)]
+
+
+def test_an_event_whose_folder_is_removed_is_dropped(rig: Rig) -> None:
+    rig.box.trigger(("CONTACT",))
+    rig.run(5.0)
+    shutil.rmtree(rig.events / rig.box.event)
+    rig.run(20.0)
+    assert (rig.box.problem, rig.box.event) == ("", "")
+    rig.box.trigger(("TILT",))
+    rig.run(20.0)
+    (event,) = read_events(rig.events)
+    assert (event.reasons, event.state) == (("TILT",), EventState.COMPLETE)
+    assert rig.numbers(event.id) == list(range(71))
 
 
 _REFUSED = """
