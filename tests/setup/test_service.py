@@ -11,7 +11,7 @@ import pytest
 import yaml
 
 from robot_stack.core.config import load
-from robot_stack.core.runtime import state_dir
+from robot_stack.core.runtime import data_home, state_dir, state_home
 from robot_stack.supervisor.profile import load_plan
 from robot_stack.ui.params import TouchUiParams
 
@@ -65,6 +65,20 @@ def test_the_containers_start_profiles_of_the_stack_with_the_units_limits() -> N
         load_plan(command[-1])
     assert f"LimitRTPRIO={services['robot']['ulimits']['rtprio']}\n" in UNIT.read_text()
     assert (folder / services["simulation"]["build"]["context"]).resolve() == SCRIPTS.parent
+
+
+def test_the_containers_volumes_keep_state_and_data_of_the_user(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Docker creates a mount point that the image does not contain as root."""
+    for variable in ("STATE_DIRECTORY", "XDG_STATE_HOME", "XDG_DATA_HOME"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setenv("HOME", "/home/robot")
+    folder = SCRIPTS / "docker"
+    made = re.search(r"install --directory --owner robot (.*)$", (folder / "Dockerfile").read_text(), re.MULTILINE)
+    assert made is not None
+    for service in yaml.safe_load((folder / "compose.yaml").read_text())["services"].values():
+        points = {mount.split(":")[1] for mount in service["volumes"] if not mount.startswith(".")}
+        assert points == {str(state_home().parent), str(data_home().parent)}
+        assert {"/home/robot/.local", *points} <= set(made[1].split())
 
 
 def test_the_rules_name_the_ports_of_the_services_domain_and_of_its_pages() -> None:
