@@ -272,17 +272,28 @@ _ADAPTER: TypeAdapter[ClientMessage] = TypeAdapter(ClientMessage)
 
 
 class Refused(ValueError):
-    """No message of this protocol."""
+    """No message of this protocol. id: of the message, 0 if it cannot be read."""
+
+    def __init__(self, why: str, text: str | bytes) -> None:
+        super().__init__(why)
+        try:
+            self.id = _Numbered.model_validate_json(text).id
+        except (ValueError, RecursionError):
+            self.id = 0
+
+
+class _Numbered(BaseModel):
+    id: Annotated[int, Field(strict=True, ge=0, le=2**31)]
 
 
 def parse(text: str | bytes, bytes_max: int = MESSAGE_BYTES_MAX) -> ClientMessage:
     """The message in a frame. Raises Refused for an invalid one."""
     if len(text) > bytes_max:
-        raise Refused(f"longer than {bytes_max} bytes")
+        raise Refused(f"longer than {bytes_max} bytes", text)
     try:
         return _ADAPTER.validate_json(text)
     except ValidationError as error:
         first = error.errors(include_input=False, include_url=False)[0]
-        raise Refused(f"{'.'.join(map(str, first['loc']))}: {first['type']}") from None
+        raise Refused(f"{'.'.join(map(str, first['loc']))}: {first['type']}", text) from None
     except (ValueError, RecursionError) as error:  # no text, or nested beyond reason
-        raise Refused(type(error).__name__) from None
+        raise Refused(type(error).__name__, text) from None

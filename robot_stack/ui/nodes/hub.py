@@ -112,7 +112,7 @@ class Hub:
             )
         except p.Refused as refused:
             page.refused += 1
-            self._say(page, {"t": "refused", "why": str(refused)})
+            self._say(page, {"t": "refused", "id": refused.id, "why": str(refused)})
             return page.refused < REFUSED_MAX
         held_by_staff = self._sections.get("queue", {}).get("held_by") == HeldBy.STAFF.name
         ruling = self._desk.take(page.number, message, now_s, held_by_staff=held_by_staff)

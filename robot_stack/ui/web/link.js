@@ -58,7 +58,7 @@ export class Link {
     if (message.t === "state") {
       this.state = { ...this.state, ...message.v };
       this.onChange();
-    } else if (message.t === "answer") {
+    } else if (message.t === "answer" || message.t === "refused") {
       const resolve = this.waiting.get(message.id);
       this.waiting.delete(message.id);
       if (resolve) resolve(message);

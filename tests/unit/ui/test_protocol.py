@@ -114,6 +114,23 @@ def test_everything_else_is_refused(text: str | bytes) -> None:
         p.parse(text)
 
 
+@pytest.mark.parametrize(
+    ("text", "number"),
+    [
+        (json.dumps({"t": "zone_save", "points": [[0.0, 0.0]] * 65, "id": 7}), 7),
+        (json.dumps({"t": "login", "pin": " " * 4096, "id": 8}), 8),
+        ('{"t": "stop", "id": -1}', 0),
+        ('{"t": "stop", "id": 1', 0),
+        ("[" * 4000, 0),
+        (b"\xff", 0),
+    ],
+)
+def test_a_refusal_names_the_message_if_its_number_can_be_read(text: str | bytes, number: int) -> None:
+    with pytest.raises(p.Refused) as refused:
+        p.parse(text)
+    assert refused.value.id == number
+
+
 def test_every_kind_of_message_is_in_the_list_above() -> None:
     members = {kind for kind in vars(p).values() if isinstance(kind, type) and issubclass(kind, p.Message)}
     assert {kind for _, kind in GOOD} == members - {p.Message}
