@@ -430,7 +430,7 @@ class NavigationController:
 
     def _know(self, now_s: float, located: Located | None) -> None:
         self._now_s, self._located = now_s, located
-        if located is not None:
+        if located is not None and self.around.seeing:
             self.around.map_to_odom = located.map_to_odom
 
     # --- goals and plans ---------------------------------------------------------------------------------------------

@@ -16,12 +16,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
+from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.limits import MotionLimits
 from robot_stack.core.people import Person
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.limits import PlanningLimits
-from robot_stack.navigation.local_map import LocalMap
+from robot_stack.navigation.local_map import LocalMap, local_map
 from robot_stack.navigation.params import NavigationParams, PeopleParams
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.pose_follower import PoseFollower
@@ -43,7 +43,7 @@ _STANDING_MPS = 0.2
 # A robot faster than in narrow places by this brakes first, by the rollouts.
 _FASTER_MPS = 0.1
 _PLANNING, _ALONG, _ASIDE = "planning a route", "driving along the route", "giving way to a pedestrian"
-_NOWHERE = LocalMap(0.0, 1.0, 0.0, 0.0, np.zeros((1, 1), np.int8), np.full((1, 1), 10.0, np.float32))
+_NOWHERE = local_map(0.0, 1.0, IDENTITY, np.zeros((1, 1), np.int8), np.zeros((1, 1), np.bool_))
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +221,7 @@ class RouteFollower:
         return bounded(twist, speed_mps, math.inf)
 
     def _local(self) -> LocalMap:
-        return self._around.local if self._around.seeing and self._around.local is not None else _NOWHERE
+        return self._around.local or _NOWHERE
 
     def _give_way(
         self, located: Located, footprint: Footprint, now_s: float, dt_s: float, *, no_way: bool = False

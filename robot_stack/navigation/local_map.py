@@ -26,7 +26,8 @@ _FAR_M = 2.0
 class LocalMap:
     """stamp_s: ROS time. x_m, y_m: corner of cell (0, 0). cells: (rows, columns) int8 with Nav2's costs.
 
-    field: (rows, columns) metres to the nearest static lethal cell.
+    seen: (rows, columns) static lethal cells. field: (rows, columns) metres to the nearest of these, or of the cells
+    that site map and zones close.
     """
 
     stamp_s: float
@@ -34,6 +35,7 @@ class LocalMap:
     x_m: float
     y_m: float
     cells: npt.NDArray[np.int8]
+    seen: npt.NDArray[np.bool_]
     field: Singles
 
     def clearance_m(self, outline: Array, poses: Array) -> Array:
@@ -42,7 +44,7 @@ class LocalMap:
 
     def points(self) -> Array:
         """(n, 2) centres of static lethal cells, costmap's frame."""
-        rows, columns = np.nonzero(self.field == 0.0)
+        rows, columns = np.nonzero(self.seen)
         return np.column_stack(
             (self.x_m + (columns + 0.5) * self.resolution_m, self.y_m + (rows + 0.5) * self.resolution_m)
         )
@@ -80,10 +82,8 @@ def local_map(
 ) -> LocalMap:
     """moving: (rows, columns) lethal cells of pedestrians, whose predicted positions are avoided instead.
 
-    closed: (rows, columns) cells of keepout zones, avoided like static obstacles.
+    closed: (rows, columns) cells that site map and zones close, avoided like static obstacles.
     """
-    still = (cells >= LETHAL) & ~moving
-    if closed is not None:
-        still |= closed
-    field = clearance_field(still, resolution_m, _FAR_M)
-    return LocalMap(stamp_s, resolution_m, origin.x, origin.y, cells, field)
+    seen = (cells >= LETHAL) & ~moving
+    field = clearance_field(seen if closed is None else seen | closed, resolution_m, _FAR_M)
+    return LocalMap(stamp_s, resolution_m, origin.x, origin.y, cells, seen, field)

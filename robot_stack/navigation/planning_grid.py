@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ from robot_stack.navigation.grid_kernels import Singles, clearances
 from robot_stack.navigation.one_way import FREE_COURSES, Courses
 
 Array = npt.NDArray[np.float64]
+Value = TypeVar("Value", bound=np.generic)
 # Largest clearance computed; also the radius in which a seen obstacle changes it.
 FAR_M = 3.0
 _MOST_CELLS = 4_000_000
@@ -55,6 +57,14 @@ class PlanningGrid:
     def cell(self, x: float, y: float) -> tuple[int, int]:
         """(row, column) of a point in map."""
         return math.floor((y - self.y_m) / self.resolution_m), math.floor((x - self.x_m) / self.resolution_m)
+
+    def values(self, cells: npt.NDArray[Value], points: Array, outside: Value | float) -> npt.NDArray[Value]:
+        """(n,) values of ``cells``, (rows, columns) as of this grid, at (n, 2) points in map; ``outside`` off it."""
+        column, row = np.floor((points - (self.x_m, self.y_m)) / self.resolution_m).astype(np.int64).T
+        inside = (row >= 0) & (column >= 0) & (row < cells.shape[0]) & (column < cells.shape[1])
+        found = np.full(len(points), outside, cells.dtype)
+        found[inside] = cells[row[inside], column[inside]]
+        return found
 
     def lay_over(self, points: Array) -> None:
         """Marks (n, 2) obstacle points in map as occupied and clears those of the last call."""

@@ -146,7 +146,7 @@ def _window(
     far_m = reach + params.prefer_m
     cost = 1.0 + params.near_cost * np.clip((far_m - clear) / far_m, 0.0, 1.0)
     if not params.unknown_is_passable:
-        room[_unknown(grid, middles)] = CLOSED
+        room[grid.values(grid.unknown, middles, True)] = CLOSED
     return _Window(
         float(low[0]),
         float(low[1]),
@@ -160,20 +160,7 @@ def _courses(grid: PlanningGrid, points: Array, shape: tuple[int, int]) -> Cours
     """The courses permitted at (n, 2) points, as (rows, columns)."""
     if not grid.courses.size:
         return FREE_COURSES
-    column, row = np.floor((points - (grid.x_m, grid.y_m)) / grid.resolution_m).astype(np.int64).T
-    inside = (row >= 0) & (column >= 0) & (row < grid.courses.shape[0]) & (column < grid.courses.shape[1])
-    found = np.full(len(points), ALL_COURSES, np.int64)
-    found[inside] = grid.courses[row[inside], column[inside]]
-    return found.reshape(shape)
-
-
-def _unknown(grid: PlanningGrid, points: Array) -> npt.NDArray[np.bool_]:
-    cells = np.floor((points - (grid.x_m, grid.y_m)) / grid.resolution_m).astype(np.int64)
-    rows, columns = cells[:, 1], cells[:, 0]
-    inside = (rows >= 0) & (columns >= 0) & (rows < grid.unknown.shape[0]) & (columns < grid.unknown.shape[1])
-    unknown = np.ones(len(points), np.bool_)
-    unknown[inside] = grid.unknown[rows[inside], columns[inside]]
-    return unknown
+    return grid.values(grid.courses, points, ALL_COURSES).reshape(shape)
 
 
 def _straightened(grid: PlanningGrid, edge: Array, poses: Array, margin_m: float, easy_m: float) -> Array:

@@ -9,10 +9,11 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from robot_stack.core.distance_field import clearance_field
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
 from robot_stack.core.people import Person
 from robot_stack.core.robot import Footprint
-from robot_stack.core.site_map import FREE, OCCUPIED, Grid
+from robot_stack.core.site_map import OCCUPIED, Grid
 from robot_stack.core.zones import Zone, ZoneType
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.global_planner import goal_problem
@@ -40,6 +41,8 @@ class WorldModel:
     """grid: of the site map, None without one. zones, lanes: of the site. Poses are in map unless noted as odom.
 
     ``grid`` and ``local`` have keepout zones as obstacles. What the costmap sees in them is not explained by the map.
+    local: in odom, of the newest costmap, with the map's obstacles that it does not see. Without costmaps, of the map
+    alone; nothing is then given in odom, and ``map_to_odom`` remains the identity.
     """
 
     def __init__(
@@ -63,13 +66,15 @@ class WorldModel:
         self._slow_low = np.array([ring.min(axis=0) for ring in outlines]).reshape(-1, 2)
         self._slow_high = np.array([ring.max(axis=0) for ring in outlines]).reshape(-1, 2)
         closed = [zone for zone in zones if zone.type is ZoneType.KEEPOUT]
-        self._closed: Grid | None = None  # occupied in keepout zones only
+        self._closed: npt.NDArray[np.bool_] | None = None  # the map's cells in keepout zones
         if grid is not None and closed:
-            occupied = np.any([zone.touched(grid) for zone in closed], axis=0)
-            with_closed = replace(grid, occupancy=np.where(occupied, np.int8(OCCUPIED), grid.occupancy))
+            self._closed = np.any([zone.touched(grid) for zone in closed], axis=0)
+            with_closed = replace(grid, occupancy=np.where(self._closed, np.int8(OCCUPIED), grid.occupancy))
             self.grid = PlanningGrid(with_closed, courses=courses)
-            self._closed = replace(grid, occupancy=np.where(occupied, np.int8(OCCUPIED), np.int8(FREE)))
         self.local: LocalMap | None = None
+        if grid is not None and self.grid is not None and not self.seeing:
+            place, occupied = (grid.resolution_m, grid.origin_x_m, grid.origin_y_m), self.grid.known_field == 0.0
+            self.local = LocalMap(0.0, *place, grid.occupancy, occupied, self.grid.known_field)
         self.costmaps = 0
         self.map_to_odom: Pose2 = IDENTITY
         self._received_s = -math.inf
@@ -133,10 +138,10 @@ class WorldModel:
             return problem or "/local_costmap/costmap stamp is not finite"
         if self.local is not None and stamp_s == self.local.stamp_s:
             return ""  # a duplicate, which does not reset the age
-        walking = self._walking(stamp_s, cells >= LETHAL, resolution_m, origin)
-        self.local = local_map(
-            stamp_s, resolution_m, origin, cells, walking, self._closed_cells(cells.shape, resolution_m, origin)
-        )
+        lethal = cells >= LETHAL
+        walking = self._walking(stamp_s, lethal, resolution_m, origin)
+        closed = self._closed_cells(lethal & ~walking, resolution_m, origin)
+        self.local = local_map(stamp_s, resolution_m, origin, cells, walking, closed)
         self._received_s = received_s
         self.costmaps += 1
         self._remember(stamp_s)
@@ -293,23 +298,31 @@ class WorldModel:
             walking[max(r0, 0) : max(r1, 0), max(c0, 0) : max(c1, 0)] = True
         return walking & lethal
 
-    def _closed_cells(self, shape: tuple[int, ...], resolution_m: float, origin: Pose2) -> npt.NDArray[np.bool_] | None:
-        """Mask of a costmap's cells in keepout zones, which it does not see; None without zones."""
-        if self._closed is None:
+    def _closed_cells(
+        self, seen: npt.NDArray[np.bool_], resolution_m: float, origin: Pose2
+    ) -> npt.NDArray[np.bool_] | None:
+        """Mask of a costmap's cells in keepout zones, and in obstacles of the map that it does not see; None without a
+        map.
+
+        seen: its static lethal cells. Obstacles of the map near these are left out: an error of the pose would double
+        the walls, and narrow a gate.
+        """
+        if self._mapped is None:
             return None
-        columns_rows = np.indices(shape)[::-1].reshape(2, -1).T
-        points: Array = np.array((origin.x, origin.y)) + (columns_rows + 0.5) * resolution_m
-        return self._in_closed(self._to_map(points)).reshape(shape)
+        columns_rows = np.indices(seen.shape)[::-1].reshape(2, -1).T
+        points = self._to_map(np.array((origin.x, origin.y)) + (columns_rows + 0.5) * resolution_m)
+        occupied = self._mapped.values(self._mapped.known_field, points, FAR_M) == 0.0
+        closed: npt.NDArray[np.bool_] = occupied.reshape(seen.shape)
+        if closed.any():
+            closed &= clearance_field(seen, resolution_m, 2.0 * _SAME_M) > _SAME_M
+        closed |= self._in_closed(points).reshape(seen.shape)
+        return closed
 
     def _in_closed(self, points: Array) -> npt.NDArray[np.bool_]:
         """(n,) True for points (n, 2), map, in a keepout zone."""
-        inside = np.zeros(len(points), np.bool_)
-        if self._closed is not None:
-            cells, at = self._closed.occupancy, points - (self._closed.origin_x_m, self._closed.origin_y_m)
-            column, row = np.floor(at / self._closed.resolution_m).astype(np.int64).T
-            on = (row >= 0) & (row < cells.shape[0]) & (column >= 0) & (column < cells.shape[1])
-            inside[on] = cells[row[on], column[on]] == OCCUPIED
-        return inside
+        if self._mapped is None or self._closed is None:
+            return np.zeros(len(points), np.bool_)
+        return self._mapped.values(self._closed, points, False)
 
     def _near_map(self, points: Array) -> npt.NDArray[np.bool_]:
         """(n,) True for points (n, 2), map, at an obstacle of the map."""

@@ -21,11 +21,13 @@ from robot_stack.core.zones import Zone
 from robot_stack.navigation.controller import NavigationController, Output, Situation
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.goal import GoalCode, GoalEnd
+from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.rollout_kernels import along_poses, free_time
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteSolver
 from robot_stack.navigation.states import NavigationState
 from robot_stack.navigation.velocity_smoother import VelocitySmoother
+from robot_stack.navigation.world_model import WorldModel
 from robot_stack.navigation.yielding import nearest_m
 from tests.support.sweeps import Sweeps
 from tests.unit.navigation.plant import ROBOT, Drive, params, request
@@ -46,15 +48,16 @@ class Story:
         chair: bool = False,
         routes: Callable[[RouteSolver], RoutePlanner] = PromptRoutes,
         zones: tuple[Zone, ...] = (),
+        seeing: bool = True,
     ) -> None:
         announced = Departure(load(DepartureParams, "departure"), announced=True)
-        self.controller = NavigationController(params(use_costmap=True), ROBOT, "map", announced, grid, routes, zones)
+        self.controller = NavigationController(params(use_costmap=seeing), ROBOT, "map", announced, grid, routes, zones)
         self.controller.set_passenger(chair)
         self.drive = Drive(ROBOT.motion(chair), pose=Pose2(2.0, 5.0, 0.0))
         self.footprint = ROBOT.footprint_with_chair if chair else ROBOT.footprint
         self.paint = paint
         self.now_s = 10.0
-        self.seeing = self.watching = True
+        self.seeing = self.watching = seeing
         self.outputs: list[Output] = []
         self.clearances: list[float] = []
         self.poses: list[Pose2] = []
@@ -84,7 +87,8 @@ class Story:
         self.clearances.append(float(along_poses(field.field, _RES, x0, y0, outline(self.footprint), here)[0]))
 
     def go(self, goal: Pose2) -> str:
-        self.look()
+        if self.seeing:
+            self.look()
         return self.controller.request(request(goal), self.now_s, self.located())
 
     def located(self) -> Located:
@@ -119,6 +123,14 @@ def nothing(_: float, x: npt.NDArray[np.float64], y: npt.NDArray[np.float64]) ->
 
 def box(x0: float, x1: float, y0: float, y1: float) -> Painter:
     return lambda _, x, y: (x >= x0) & (x <= x1) & (y >= y0) & (y <= y1)
+
+
+def kerbs() -> Grid:
+    """An area of 16 x 16 m with an angled kerb, which ends in its middle."""
+    cells = np.full((160, 160), FREE, np.int8)
+    cells[[0, -1], :] = cells[:, [0, -1]] = OCCUPIED
+    cells[0:80, 60:62] = cells[80:82, 60:120] = cells[20:22, 60:140] = OCCUPIED
+    return Grid(0.1, 0.0, 0.0, cells)
 
 
 def reached(output: Output) -> bool:
@@ -268,6 +280,33 @@ NOTHING = np.full((10, 10), 10.0, np.float32), 1.0, -5.0, -5.0, OUTLINE
 def test_free_time_of_people(twist: tuple[float, float, float], person: Array, free_s: float) -> None:
     free = free_time(*NOTHING, np.zeros(3), np.array(twist), 0.2, 3.0, BOX, person[None])
     assert free == pytest.approx(free_s, abs=0.11)
+
+
+@pytest.mark.parametrize("seeing", [False, True])
+def test_obstacles_that_only_the_map_has_are_avoided_beside_the_route(seeing: bool) -> None:
+    grid, start, goal = kerbs(), Pose2(4.5, 12.0, -0.5 * math.pi), Pose2(14.0, 5.0, -0.5 * math.pi)
+    story = Story(nothing, grid, seeing=seeing)
+    story.drive.pose = start
+    assert story.go(goal) == ""
+    story.until(reached)
+    poses = np.array([(pose.x, pose.y, pose.yaw) for pose in story.poses])
+    clear_m = PlanningGrid(grid).clearance_m(outline(story.footprint), poses)
+    assert clear_m.min() > 0.15
+
+
+def test_obstacles_of_the_map_near_seen_ones_are_not_doubled() -> None:
+    """The pose is 0.2 m off, and the right half of a mapped wall is not seen."""
+    cells = np.zeros((100, 160), np.int8)
+    cells[50, :] = OCCUPIED
+    around = WorldModel(params(use_costmap=True), Grid(0.1, 0.0, 0.0, cells))
+    seen = np.zeros((200, 200), np.int8)
+    seen[105, :100] = 100
+    around.on_costmap(1.0, _RES, Pose2(3.0, 0.0, 0.0), seen, 1.0)
+    assert around.local is not None
+    in_map = around.local.field[100:102] == 0.0
+    assert not in_map[:, :100].any()
+    assert in_map[:, 107:].all()
+    assert len(around.local.points()) == 100, "only what is seen is remembered"
 
 
 def test_slow_near_a_standing_person() -> None:

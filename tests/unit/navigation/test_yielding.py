@@ -11,6 +11,7 @@ from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.site_map import OCCUPIED, Grid
 from robot_stack.navigation.local_map import LocalMap
 from robot_stack.navigation.local_map import local_map as made_of
+from robot_stack.navigation.world_model import WorldModel
 from robot_stack.navigation.yielding import nearest_m, way_out
 from tests.unit.navigation.plant import ROBOT, params
 from tests.unit.navigation.test_among_obstacles import Array, Story, corridor, reached
@@ -59,6 +60,16 @@ def test_gives_way_away_from_people_and_not_into_a_wall() -> None:
     assert between is None or abs(between.vy) > abs(between.vx)
     assert way(CAGE, (1.0, 0.1)) is None, "enclosed"
     assert way((), (0.5 + 0.25 + P.room_m + 0.1, 0.0)) is None, "enough room"
+
+
+def test_gives_way_to_no_step_that_only_the_map_has() -> None:
+    cells = np.zeros((200, 200), np.int8)
+    cells[90:93] = OCCUPIED  # 0.35 m beside the robot's right edge
+    world = WorldModel(params(use_costmap=True), Grid(0.1, -10.0, -10.0, cells))
+    world.on_costmap(1.0, 0.05, Pose2(-5.0, -5.0, 0.0), np.zeros((200, 200), np.int8), 1.0)
+    assert world.local is not None
+    aside = way_out(HERE, FOOTPRINT, world.local, standing((0.0, 1.2)), MARGIN_M, P)
+    assert aside is None or aside.vy > -0.1
 
 
 class Stubborn:
