@@ -430,8 +430,8 @@ class NavigationController:
 
     def _know(self, now_s: float, located: Located | None) -> None:
         self._now_s, self._located = now_s, located
-        if located is not None and self.around.seeing:
-            self.around.map_to_odom = located.map_to_odom
+        if located is not None:
+            self.around.locate(located)
 
     # --- goals and plans ---------------------------------------------------------------------------------------------
 

@@ -29,6 +29,11 @@ from robot_stack.navigation.routes import RouteRequest
 Array = npt.NDArray[np.float64]
 # Lethal cells within this distance of a map obstacle belong to it.
 _SAME_M = 0.30
+# Those within this distance are not remembered.
+_MAPPED_M = 0.15
+# A step of the pose by more than _MAPPED_M, or by this, is a correction: an error of this angle moves what is seen in
+# 5 m by _MAPPED_M.
+_TURNED_RAD = 0.03
 _MOST_REMEMBERED = 20_000
 # Points around a standing person.
 _AROUND = 24
@@ -146,6 +151,19 @@ class WorldModel:
         self.costmaps += 1
         self._remember(stamp_s)
         return ""
+
+    def locate(self, located: Located) -> None:
+        """Takes the pose of the odom frame.
+
+        A correction ends the memory of obstacles: those seen under a wrong pose are elsewhere, and may be the map's.
+        """
+        if not self.seeing:
+            return
+        uncorrected = self.map_to_odom.compose(located.pose.relative_to(located.map_to_odom))
+        step = located.pose.relative_to(uncorrected)
+        if math.hypot(step.x, step.y) > _MAPPED_M or abs(step.yaw) > _TURNED_RAD:
+            self._remembered, self._remembered_s = self._remembered[:0], self._remembered_s[:0]
+        self.map_to_odom = located.map_to_odom
 
     # --- clearances --------------------------------------------------------------------------------------------------
 
@@ -350,6 +368,6 @@ class WorldModel:
         seen = self._to_map(self.local.points())
         seen = seen[~self._in_closed(seen)]  # not seen, and the route's grid has them
         if self._mapped is not None and len(seen):
-            seen = seen[self._map_clearance_m(seen) > 0.15]
+            seen = seen[self._map_clearance_m(seen) > _MAPPED_M]
         self._remembered = np.concatenate((self._remembered, seen))[-_MOST_REMEMBERED:]
         self._remembered_s = np.concatenate((self._remembered_s, np.full(len(seen), stamp_s)))[-_MOST_REMEMBERED:]

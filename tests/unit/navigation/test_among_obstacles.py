@@ -309,6 +309,25 @@ def test_obstacles_of_the_map_near_seen_ones_are_not_doubled() -> None:
     assert len(around.local.points()) == 100, "only what is seen is remembered"
 
 
+@pytest.mark.parametrize(
+    ("corrected", "kept"),
+    [
+        (Pose2(0.1, 0.05, 0.005), True),  # the drift of an odometry
+        (Pose2(0.0, 0.2, 0.0), False),
+        (Pose2(0.32, -0.24, 0.04), False),  # turned about the robot
+    ],
+)
+def test_a_correction_of_the_pose_ends_the_memory_of_obstacles(corrected: Pose2, kept: bool) -> None:
+    story = Story(box(8.5, 9.0, 7.5, 8.0), corridor())
+    story.drive.pose, around = Pose2(6.0, 8.0, 0.0), story.controller.around
+    story.look()
+    shown = around.shown()
+    pose = corrected.compose(story.drive.pose)
+    story.controller.tick(Situation(story.now_s, Located(pose, ZERO_TWIST, corrected)))
+    assert (len(around.question(pose, pose, story.footprint).seen) > 0) is kept
+    assert (around.shown() == shown) is kept
+
+
 def test_slow_near_a_standing_person() -> None:
     story = Story(lambda _, x, y: np.hypot(x - 7.0, y - 6.1) < 0.25)
     story.go(Pose2(12.0, 5.0, 0.0))
