@@ -42,6 +42,27 @@ class LocalMap:
         """(n,) clearance of an outline at (n, 3) poses in the costmap's frame; 10 outside the costmap."""
         return along_poses(self.field, self.resolution_m, self.x_m, self.y_m, outline, poses)
 
+    def leaving(self, outline: Array, pose: Array, margin_m: float, slack_m: float) -> tuple[Singles, float]:
+        """(field, margin) for motions from ``pose`` (3,), where the robot may stand nearer than ``margin_m``.
+
+        It may move away from what is nearer, or approach it by ``slack_m``. Cells that the outline touches, and
+        those within ``margin_m`` of them, are not in the field: they would leave no margin to any other obstacle.
+        """
+        field, here_m = self.field, float(self.clearance_m(outline, pose[None])[0])
+        if here_m <= 0.0:
+            c, s = math.cos(pose[2]), math.sin(pose[2])
+            x = pose[0] + c * outline[:, 0] - s * outline[:, 1] - self.x_m
+            y = pose[1] + s * outline[:, 0] + c * outline[:, 1] - self.y_m
+            rows, columns = np.floor(np.array((y, x)) / self.resolution_m).astype(np.int64)
+            on = (rows >= 0) & (rows < field.shape[0]) & (columns >= 0) & (columns < field.shape[1])
+            touched = np.zeros(field.shape, np.bool_)
+            touched[rows[on], columns[on]] = field[rows[on], columns[on]] == 0.0
+            others = (field == 0.0) & (clearance_field(touched, self.resolution_m, _FAR_M) > margin_m)
+            field = clearance_field(others, self.resolution_m, _FAR_M)
+            place = self.resolution_m, self.x_m, self.y_m
+            here_m = float(along_poses(field, *place, outline, pose[None])[0])
+        return field, min(margin_m, here_m - slack_m)
+
     def points(self) -> Array:
         """(n, 2) centres of static lethal cells, costmap's frame."""
         rows, columns = np.nonzero(self.seen)

@@ -72,10 +72,8 @@ class RolloutController:
             [limits.speed_mps, limits.yaw_rate_radps, limits.acceleration_mps2, limits.yaw_acceleration_radps2]
         )
         edge, box, reach = outline(footprint), _box(footprint), _reach(footprint)
-        place = local.field, local.resolution_m, local.x_m, local.y_m
-        here = float(local.clearance_m(edge, at[None])[0])
-        # A robot nearer than the margin may move away, but not nearer.
-        hard = min(p.hard_margin_m, here - 0.02)
+        field, hard = local.leaving(edge, at, p.hard_margin_m, 0.02)
+        place = field, local.resolution_m, local.x_m, local.y_m
 
         def judge(candidates: Array) -> tuple[Array, Array, Array]:
             result: tuple[Array, Array, Array] = evaluate(
@@ -117,8 +115,8 @@ class RolloutController:
         """
         p = self._params
         at, edge, box = np.array([pose.x, pose.y, pose.yaw]), outline(footprint), _box(footprint)
-        place = local.field, local.resolution_m, local.x_m, local.y_m
-        margin_m = min(margin_m, float(local.clearance_m(edge, at[None])[0]) - 0.03)
+        field, margin_m = local.leaving(edge, at, margin_m, 0.03)
+        place = field, local.resolution_m, local.x_m, local.y_m
         slower = requested
         for share in _SLOWER:
             slower = requested if share == 1.0 else requested.scaled(share)

@@ -48,10 +48,8 @@ def way_out(
     """
     room_m = params.room_m if room_m is None else room_m
     at, box, edge = np.array([pose.x, pose.y, pose.yaw]), _box(footprint), outline(footprint)
-    place = local.field, local.resolution_m, local.x_m, local.y_m
-    here_m = float(local.clearance_m(edge, at[None])[0])
-    # A robot nearer than the margin may keep its distance, but not reduce it.
-    margin_m = min(margin_m, here_m - 0.02)
+    field, margin_m = local.leaving(edge, at, margin_m, 0.02)
+    place = field, local.resolution_m, local.x_m, local.y_m
     now_m = _gap(box, at, people)
     if now_m >= room_m:
         return None

@@ -135,7 +135,7 @@ def appearing(now_s: float, x: Array, y: Array) -> npt.NDArray[np.bool_]:
     return box(7.2, 7.8, 4.0, 5.2)(now_s, x, y) & (now_s > 12.5)
 
 
-@pytest.mark.parametrize(("seen", "from_y_m"), [(appearing, 5.3), (walker(13.0, 5.0, -0.7), 5.1)])
+@pytest.mark.parametrize(("seen", "from_y_m"), [(appearing, 5.3), (walker(13.0, 4.85, -0.7), 5.15)])
 def test_a_robot_beside_its_route_keeps_to_a_zone_there(seen: Painter, from_y_m: float) -> None:
     """An obstacle, or a person to make room for, moves it into a zone that its route had passed by."""
     ward = zone(ZoneType.SPEED, 5.0, 11.0, from_y_m, 10.0, 0.15)
