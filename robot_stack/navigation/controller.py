@@ -531,7 +531,7 @@ class NavigationController:
             self._finish(Trigger.WITHDRAWN, end.text)
 
     def _hold(self, text: str) -> None:
-        self._follower.forget()
+        self._follower.forget(withdrawn=True)
         if self._goal is None:
             self._finish(Trigger.BRAKING_FORBIDDEN, text)
             return

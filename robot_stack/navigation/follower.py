@@ -104,9 +104,10 @@ class RouteFollower:
         return self._take()
 
     def forget(self, *, withdrawn: bool = False) -> None:
-        """withdrawn: by the client, which may send it again after a warning: the time waited still counts."""
+        """withdrawn: held, or withdrawn by the client, which may send it again after a warning: the time waited until
+        then counts for the same goal."""
         self._routes.drop()
-        self._goal_before = self._goal if withdrawn else None
+        self._goal_before = self._goal or self._goal_before if withdrawn else None
         if not withdrawn:
             self._without_way_s, self._progress_at = 0.0, None
         self.route, self._goal, self._stuck_s = None, None, 0.0

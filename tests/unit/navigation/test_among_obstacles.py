@@ -14,7 +14,7 @@ from robot_stack.core.config import load
 from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.goals import GoalStatus
-from robot_stack.core.limits import MotionLimits
+from robot_stack.core.limits import NO_LIMIT, MotionLimits, SpeedLimit
 from robot_stack.core.people import Person
 from robot_stack.core.site_map import FREE, OCCUPIED, Grid
 from robot_stack.core.zones import Zone
@@ -234,6 +234,20 @@ def test_only_way_blocked_waits_then_gives_up_with_the_reason(goal: Pose2, again
     output = story.until(lambda output: output.state is NavigationState.IDLE, 10.0)
     assert (story.controller.path, story.controller.goal, output.twist) == (None, None, ZERO_TWIST)
     assert min(story.clearances) > 0.15
+
+
+def test_short_stops_do_not_extend_the_wait_for_a_closed_path() -> None:
+    story = Story(closing(12.0, left_open=False), two_gates())
+    story.go(Pose2(13.0, 5.0, 0.0))
+    story.until(lambda output: output.text.startswith("waiting: the only path is blocked"), 30.0)
+    for _ in range(4):
+        for limit in (SpeedLimit(0.0, 0.0), NO_LIMIT):
+            story.controller.set_speed_limit(limit)
+            for _ in range(4):
+                story.tick()
+        for _ in range(round(5.0 / 0.05)):
+            story.tick()
+    assert any(output.end is not None and "gave up" in output.text for output in story.outputs)
 
 
 def test_robot_keeps_clear_of_pedestrian_stopping_in_front() -> None:
