@@ -130,6 +130,9 @@ class GlobalPlanner:
         first, last = ((r // factor, c // factor) for r, c in (grid.cell(q.x, q.y) for q in (start, goal)))
         disc = max(1, math.ceil(p.closed_radius_m / coarse_m))
         cells = [(grid.cell(x, y)[0] // factor, grid.cell(x, y)[1] // factor, disc) for x, y in closed]
+        # In no pose of the footprint base_link comes nearer to an obstacle: an escape does not lead through a wall.
+        dot, here = np.zeros((1, 2)), np.array([(start.x, start.y, 0.0)])
+        escape_m = min(inner_m(footprint), float(grid.clearance_m(dot, here)[0])) - grid.resolution_m
         found = astar(
             field,
             grid.unknown,
@@ -140,6 +143,7 @@ class GlobalPlanner:
             prefer_m,
             p.near_cost,
             unknown_cost if math.isfinite(unknown_cost) else 1.0,
+            escape_m,
             p.heuristic_weight,
             np.array(cells, np.int64).reshape(-1, 3),
             math.ceil(p.escape_m / coarse_m),

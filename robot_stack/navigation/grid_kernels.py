@@ -124,15 +124,15 @@ def _enter_cost(
     factor: int,
     row: int,
     column: int,
-    near: tuple[float, float, float, float],
+    near: tuple[float, float, float, float, float],
     guide: Singles,
     start: tuple[int, int],
     escape_cells: int,
 ) -> float:
     """Cost of a coarse cell, stored in ``cost``; negative: closed.
 
-    near: radius, preferred clearance, cost near to obstacles, cost of unknown cells. guide: as of ``astar``, that of
-    the cell's middle counts.
+    near: radius, preferred clearance, cost near to obstacles, cost of unknown cells, escape_m. guide, escape_m: as of
+    ``astar``; the guide of the cell's middle counts.
     """
     entering = _block_cost(field, unknown, factor, row, column, near[0], near[1], near[2], near[3])
     if guide.shape[0] > 0 and entering >= 0.0:
@@ -141,7 +141,8 @@ def _enter_cost(
         extra = float(guide[middle_row, middle_column])
         entering = entering + extra if extra >= 0.0 else -1.0
     if entering < 0.0 and max(abs(row - start[0]), abs(column - start[1])) <= escape_cells:
-        entering = _ESCAPE_COST
+        escapes = _block_cost(field, unknown, factor, row, column, near[4], near[4], 0.0, 1.0) >= 0.0
+        entering = _ESCAPE_COST if escapes else -1.0
     cost[row * ((field.shape[1] + factor - 1) // factor) + column] = entering
     return entering
 
@@ -186,6 +187,7 @@ def astar(
     prefer_m: float,
     near_cost: float,
     unknown_cost: float,
+    escape_m: float,
     weight: float,
     blocked: npt.NDArray[np.int64],
     escape_cells: int,
@@ -197,7 +199,8 @@ def astar(
     """(n, 2) coarse cells (row, column) from start to goal, empty if there is no way, or if it was stopped.
 
     weight: of the octile heuristic, >= 1. blocked: (m, 3) discs of coarse cells (row, column, radius) that are closed.
-    escape_cells: within this distance of the start any cell may be entered, at a high cost, to leave a tight spot.
+    escape_cells: within this distance of the start any cell with a clearance of escape_m may be entered, at a high
+    cost, to leave a tight spot.
     courses: permitted in each cell; a step needs both cells to permit it, except in a circle of escape_cells around the
     start.
     guide: (rows, columns) additional cost per metre, negative: closed; (0, 0) without one.
@@ -211,7 +214,7 @@ def astar(
     cost = np.full(rows * columns, np.float32(np.nan), np.float32)
     g = np.full(rows * columns, np.inf)  # in single precision a rounded cost could be improved for ever
     parent = np.full(rows * columns, -1, np.int32)
-    near = (radius_m, prefer_m, near_cost, unknown_cost)
+    near = (radius_m, prefer_m, near_cost, unknown_cost, escape_m)
     ways = coarse_courses(courses, factor)
     one_way = ways.shape[0] > 0
     _close_discs(cost, rows, columns, blocked)

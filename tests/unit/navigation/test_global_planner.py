@@ -57,6 +57,17 @@ def test_distances_are_exact(seed: int) -> None:
     assert np.allclose(clearance_field(occupied, 0.1, 2.0), np.minimum(truth, 2.0), atol=1e-5)
 
 
+def test_a_start_beside_a_thin_wall_leads_around_it() -> None:
+    cells = np.full((400, 800), FREE, np.int8)
+    cells[[0, -1], :] = cells[:, [0, -1]] = OCCUPIED
+    cells[200, :600] = OCCUPIED
+    by_grid = GlobalPlanner(PlanningGrid(Grid(0.05, 0.0, 0.0, cells)), params().planner)
+    start = Pose2(5.0, 10.0 - 0.5 * ROBOT.footprint.width_m - 0.2, 0.0)
+    found = by_grid.plan(start, Pose2(5.0, 12.0, 0.0), ROBOT.footprint)
+    assert isinstance(found, Path), found
+    assert found.length_m > 50.0
+
+
 def test_empty_grid_gives_the_straight_line() -> None:
     for angle in (0.0, 0.5, 1.3):
         goal = Pose2(START.x + 4.0 * math.cos(angle), START.y + 4.0 * math.sin(angle), 0.0)
