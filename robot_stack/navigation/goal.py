@@ -10,6 +10,8 @@ from robot_stack.core.geometry import Pose2, yaw_from_quaternion
 from robot_stack.core.goals import GoalStatus
 from robot_stack.navigation.params import GoalParams
 
+# Coordinates up to this are cells of a grid, as whole numbers, whatever its resolution.
+_MOST_M = 1e9
 _QUATERNION_TOLERANCE = 0.01  # of the squared norm: larger than any rounding
 
 
@@ -86,6 +88,8 @@ def _invalid(request: GoalRequest, now_s: float, params: GoalParams) -> str:
     for name, values in (("position", request.position), ("orientation", request.quaternion)):
         if not all(map(math.isfinite, values)):
             return f"{name} is not finite: {values}"
+    if max(map(abs, request.position)) > _MOST_M:
+        return f"position is {request.position}, its coordinates must be within {_MOST_M:.0e} m"
     norm2 = sum(value * value for value in request.quaternion)
     if abs(norm2 - 1.0) > _QUATERNION_TOLERANCE:
         return f"orientation is no unit quaternion, its squared norm is {norm2:.3f}"

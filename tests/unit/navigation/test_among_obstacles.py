@@ -427,6 +427,7 @@ def test_goals_in_the_wall_are_refused_and_the_robot_stands() -> None:
     story = Story(nothing, corridor())
     assert "an obstacle of the map" in story.go(Pose2(15.9, 5.0, 0.0))
     assert "outside the map" in story.go(Pose2(40.0, 5.0, 0.0))
+    assert "must be within" in story.controller.request(request(Pose2(1e308, 5.0, 0.0)), story.now_s, None)
     assert story.tick().twist == ZERO_TWIST
     unseen = Story(nothing)
     unseen.seeing = False
