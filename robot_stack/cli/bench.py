@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from robot_stack.cli.errors import WRONG_USE, CommandError
+from robot_stack.cli.errors import WRONG_USE, CommandError, writing
 
 _ROOT = Path(__file__).resolve().parents[2]
 _BENCHMARKS = "tests.benchmarks"
@@ -36,8 +36,9 @@ def bench(
     except framework.BenchError as error:
         raise CommandError(str(error)) from None
     if json_file is not None:
-        json_file.parent.mkdir(parents=True, exist_ok=True)
-        json_file.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        with writing(json_file):
+            json_file.parent.mkdir(parents=True, exist_ok=True)
+            json_file.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
     _print(framework.describe(name), benchmark.aims, result)
     if json_file is not None:
         print(f"written to {json_file}")

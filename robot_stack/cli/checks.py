@@ -111,12 +111,8 @@ def shared_memory() -> Iterable[Finding]:
 def domain() -> Iterable[Finding]:
     try:
         yield Finding("ROS domain", Level.OK, f"{ros_domain_id()}, runtime folder {runtime_dir()}")
-    except ValueError as error:
-        yield Finding("ROS domain", Level.BAD, str(error), "export ROS_DOMAIN_ID=0")
     except ConfigError as error:
-        yield Finding("runtime folder", Level.BAD, str(error), "remove the folder, or set ROBOT_STACK_RUNTIME_DIR")
-    except OSError as error:
-        yield Finding("ROS domain", Level.BAD, f"no runtime folder: {error}", "set ROBOT_STACK_RUNTIME_DIR")
+        yield Finding("ROS domain", Level.BAD, str(error), "set ROS_DOMAIN_ID or ROBOT_STACK_RUNTIME_DIR")
 
 
 def clock() -> Iterable[Finding]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robot_stack.cli.errors import WRONG_USE, CommandError
+from robot_stack.cli.errors import WRONG_USE, CommandError, writing
 
 if TYPE_CHECKING:
     from robot_stack.coverage.coverage import Body, Seen
@@ -48,14 +48,16 @@ def coverage(
         print(f"{name:22s} {value:6.2f} %")
     _write(json_file, own)
     if pictures is not None:
-        _draw(pictures, seen, standing, params)
+        with writing(pictures):
+            _draw(pictures, seen, standing, params)
 
 
 def _write(file: Path | None, figures: object) -> None:
     if file is None:
         return
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    with writing(file):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
     print(f"written to {file}")
 
 

@@ -24,30 +24,37 @@ class AlreadyRunning(Exception):
 
 
 def ros_domain_id() -> int:
-    """The ROS domain in force. Raises ValueError if ROS_DOMAIN_ID is no number in 0..232."""
+    """The ROS domain in force. Raises ConfigError if ROS_DOMAIN_ID is no number in 0..232."""
     text = os.environ.get("ROS_DOMAIN_ID", "0") or "0"
     if not text.isdigit() or int(text) > 232:
-        raise ValueError(f"ROS_DOMAIN_ID must be a number in 0..232, is {text!r}")
+        raise ConfigError(f"ROS_DOMAIN_ID must be a number in 0..232, is {text!r}")
     return int(text)
 
 
 def runtime_dir() -> Path:
     """The folder of this user and domain, made if it is missing. ``ROBOT_STACK_RUNTIME_DIR`` overrides it.
 
-    Raises ConfigError for a folder into which another user may write, and OSError if it cannot be made.
+    Raises ConfigError for a folder into which another user may write, or that cannot be made.
     """
     named = os.environ.get("ROBOT_STACK_RUNTIME_DIR")
     if named:
         folder = Path(named)
-        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        _make(folder, parents=True)
     else:
         of_user = _shared_memory() / f"robot_stack-{os.getuid()}"
-        of_user.mkdir(exist_ok=True, mode=0o700)
+        _make(of_user)
         _require_own(of_user)
         folder = of_user / f"domain-{ros_domain_id()}"
-        folder.mkdir(exist_ok=True, mode=0o700)
+        _make(folder)
     _require_own(folder.resolve() if named else folder)
     return folder
+
+
+def _make(folder: Path, parents: bool = False) -> None:
+    try:
+        folder.mkdir(parents=parents, exist_ok=True, mode=0o700)
+    except OSError as error:
+        raise ConfigError(f"runtime folder {folder} cannot be made: {error.strerror or error}") from None
 
 
 def only_own(status: os.stat_result) -> bool:

@@ -79,6 +79,18 @@ def test_a_folder_that_another_user_may_write_is_refused(
         runtime_dir()
 
 
+@pytest.mark.parametrize("named", [True, False])
+def test_a_runtime_folder_that_cannot_be_made_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: bool
+) -> None:
+    file = tmp_path / "file"
+    file.touch()
+    monkeypatch.setattr(runtime, "_shared_memory", lambda: file)
+    monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(file / "folder") if named else "")
+    with pytest.raises(ConfigError, match=f"^runtime folder {file}/.* cannot be made: Not a directory$"):
+        runtime_dir()
+
+
 def test_runtime_folder_rejects_symbolic_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("ROBOT_STACK_RUNTIME_DIR")
     monkeypatch.setattr(runtime, "_shared_memory", lambda: tmp_path)
@@ -92,7 +104,7 @@ def test_runtime_folder_rejects_symbolic_link(tmp_path: Path, monkeypatch: pytes
 @pytest.mark.parametrize("text", ["-1", "233", "one", "1.5"])
 def test_bad_domain(monkeypatch: pytest.MonkeyPatch, text: str) -> None:
     monkeypatch.setenv("ROS_DOMAIN_ID", text)
-    with pytest.raises(ValueError, match="ROS_DOMAIN_ID must be a number"):
+    with pytest.raises(ConfigError, match="ROS_DOMAIN_ID must be a number"):
         ros_domain_id()
 
 
