@@ -44,6 +44,11 @@ def lost(inputs: Inputs) -> bool:
     return "LOCALIZATION_LOST" in inputs.faults
 
 
+def not_latched(inputs: Inputs) -> str:
+    """A latch that may hold is no finished docking, and permits no other one."""
+    return "the latch does not hold the wheelchair: undock first" if _PERMIT_UNDOCKING & set(inputs.faults) else ""
+
+
 def held_by(inputs: Inputs, *, undocks: bool = False) -> str:
     """Why the robot cannot move at present although the mission is active. undocks: it is to leave a wheelchair."""
     if inputs.pose is None:

@@ -314,7 +314,8 @@ class MissionKernel:
         if self._leaves_charger(inputs):
             return self._battery_low(inputs)
         if self._record.docking_begun and self._record.safe_place is None:
-            return ""
+            task = docking.task_of(self._record, self._docks)
+            return guards.not_latched(inputs) if task is not None and task.kind is Kind.DOCK else ""
         if guards.lost(inputs):
             return _LOST_NOW
         if guards.battery_critical(inputs) and self._record.safe_place is None:

@@ -444,3 +444,14 @@ def test_a_latch_that_does_not_hold_the_wheelchair_is_no_reason_against_undockin
     assert undocking.state is State.UNDOCKING
     assert undocking.calls() == ([] if held_by else [("undock", "chair_1")])
     assert undocking.status.reason == f"undocking from chair_1: {held_by or 'waiting for an answer'}"
+
+
+def test_a_docking_whose_latch_may_hold_is_not_taken_for_done(docking):
+    """An emergency stop while the latch closes: the wheelchair counts as attached, and only undocking is permitted."""
+    docking.attach().ends(False, "emergency stop (SAFETY_STOP)", safety_stop=True).emergency(True).emergency(False)
+    docking.given(faults=("LATCH_NOT_CLOSED",), docking_state="FAILED").command(ev.RESUME)
+    assert (docking.state, docking.status.last_command_accepted) == (State.STOPPED, False)
+    assert "undock first" in docking.status.reason
+    calls = len(docking.calls())
+    docking.attach(False).given(faults=(), docking_state="IDLE").command(ev.RESUME).tick()
+    assert (docking.state, len(docking.calls())) == (State.DOCKING, calls + 1)
