@@ -5,6 +5,7 @@ import { languageNow, t } from "/i18n.js";
 import { MissionEditor } from "/pages/mission_editor.js";
 import { OrderOptions, OrderQueue, newOrder } from "/pages/orders.js";
 import { poseOf } from "/map_draw.js";
+import { Refused } from "/pages/rider.js";
 
 // What is being edited outlives a look at another page, and a session that ended.
 const kept = { edit: null };
@@ -44,7 +45,10 @@ export function MissionsPage({ link, state, say }) {
   if (edit) {
     return html`<${MissionEditor} link=${link} state=${state} say=${say} files=${data} edit=${edit} setEdit=${setEdit} />`;
   }
-  const start = async (id) => say(await link.ask({ t: "start", mission: id }));
+  const start = async (id) => {
+    const answer = await link.ask({ t: "start", mission: id });
+    if (!answer.ok) say(answer);
+  };
   const order = async (id, now) => say(await link.ask(newOrder(id, options, now)));
   const riding = state.ride?.active;
   const remove = async (file) => {
@@ -56,6 +60,7 @@ export function MissionsPage({ link, state, say }) {
       <h2>${t("missions.title")}</h2>
       <button class="primary" id="new-mission" onClick=${() => setEdit(newEdit(state))}>${t("missions.new")}</button>
     </div>
+    <${Refused} state=${state} commands=${["START_MISSION"]} />
     <${OrderQueue} link=${link} state=${state} say=${say} />
     <p>${t("missions.hint", { folder: data.folder })}</p>
     <${OrderOptions} options=${options} setOptions=${setOptions} />

@@ -77,6 +77,7 @@ function Ride({ link, state, say }) {
       <span>${ride.eta_s === null ? t("rider.eta_unknown") : t("rider.eta", { time: duration(ride.eta_s) })}</span>
       <span>${t("rider.progress", { done: ride.completed, total: ride.total })}</span>
     </p>
+    <${Refused} state=${state} commands=${["PAUSE", "RESUME", "ABORT"]} />
     <${Reasons} state=${state} />
     ${ending
       ? html`<div class="sure" role="alertdialog" aria-label=${t("rider.abort")}>
@@ -96,6 +97,13 @@ function Ride({ link, state, say }) {
   </section>`;
 }
 
+// The mission manager's answer to a command; the hub's only says that the command was sent.
+export function Refused({ state, commands }) {
+  const ride = state.ride;
+  if (!commands.includes(ride?.last_command) || ride.accepted !== false) return null;
+  return html`<p class="notice bad" role="status">${t("rider.not_accepted")} <span lang="en">${ride.reason}</span></p>`;
+}
+
 const ENDS = { COMPLETED: "rider.completed", ABORTED: "rider.aborted", FAILED: "rider.failed" };
 
 function Destinations({ link, state, say }) {
@@ -104,10 +112,9 @@ function Destinations({ link, state, say }) {
   const mission = missions.find((item) => item.id === chosen);
   if (mission) return html`<${Departure} link=${link} state=${state} say=${say} mission=${mission} back=${() => setChosen(null)} />`;
   const ended = ENDS[state.ride?.state];
-  const refused = state.ride?.last_command === "START_MISSION" && state.ride.accepted === false;
   return html`<section class="page rider" data-page="destinations">
     ${ended && html`<p class="notice" data-end=${state.ride.state}>${t(ended)}</p>`}
-    ${refused && html`<p class="notice bad">${t("rider.not_accepted")} <span lang="en">${state.ride.reason}</span></p>`}
+    <${Refused} state=${state} commands=${["START_MISSION"]} />
     <h2>${t("rider.where")}</h2>
     <p class="large">${missions.length ? t("rider.choose") : t("rider.no_destinations")}</p>
     <${BlockedBy} state=${state} />
