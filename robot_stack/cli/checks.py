@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import ctypes.util
 import os
 import platform
 import shutil
@@ -191,15 +190,6 @@ def configuration() -> Iterable[Finding]:
         yield Finding("configuration", Level.OK, f"{count} files of {config_dir()} are valid")
 
 
-def display() -> Iterable[Finding]:
-    if ctypes.util.find_library("EGL"):
-        yield Finding("EGL", Level.OK, "found: the simulation can render camera images")
-    else:
-        yield Finding(
-            "EGL", Level.NOTE, "not found: no camera images in the simulation", "apt install libegl1 libgl1-mesa-dri"
-        )
-
-
 def robot_devices() -> Iterable[Finding]:
     """Devices of the real robot; a computer that simulates it needs none of them."""
     from robot_stack.cli.devices import devices
@@ -241,7 +231,6 @@ CHECKS: tuple[Callable[[], Iterable[Finding]], ...] = (
     disk,
     interfaces,
     configuration,
-    display,
     robot_devices,
     leftovers,
 )

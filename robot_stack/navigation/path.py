@@ -34,21 +34,6 @@ class Path:
     def length_m(self) -> float:
         return float(self.arc_length_m[-1])
 
-    @cached_property
-    def curvature_per_m(self) -> Array:
-        """(n,) change of the course per metre, left positive, by the circle through each pose and its neighbours.
-
-        0 at both ends, and where poses coincide (turning on the spot).
-        """
-        curvature = np.zeros(len(self.poses))
-        before, here, after = self.poses[:-2, :2], self.poses[1:-1, :2], self.poses[2:, :2]
-        a, b, c = here - before, after - here, after - before
-        product = np.hypot(*a.T) * np.hypot(*b.T) * np.hypot(*c.T)
-        # Circle through three points: 4 * area / product of the sides, and the cross product is twice the area.
-        area2 = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
-        curvature[1:-1] = np.divide(2.0 * area2, product, out=np.zeros_like(product), where=product > 1e-12)
-        return curvature
-
     def end(self) -> Pose2:
         x, y, yaw = self.poses[-1]
         return Pose2(float(x), float(y), float(yaw))

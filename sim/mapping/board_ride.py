@@ -12,7 +12,6 @@ import math
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from rich.progress import Progress
 
 from robot_stack.contract.frames import FRONT_CAMERA
@@ -81,13 +80,6 @@ class BoardRide(RecordedDrive):
         stamp_s = newest_s - _IMAGE_AFTER_S
         picture = self._renderer.render(self.bodies.motion(stamp_s, {WHEELCHAIR: self._dock}))
         self._bag.image(stamp_s, FRONT_CAMERA, picture)
-
-    def camera_by_lidar(self) -> NDArray[np.float64]:
-        """(4, 4) the true camera in base_link by the LiDAR, whose own mount is slightly off, too."""
-        sensor = self.robot.range_sensors["lidar"]
-        estimated = np.eye(4)
-        estimated[:3, :3], estimated[:3, 3] = sensor.rotation(), sensor.xyz_m
-        return estimated @ np.linalg.inv(self.lidar.mounting) @ self.camera.mounting
 
 
 def _place(number: int) -> Pose2:
