@@ -37,6 +37,8 @@ def test_a_ride_from_the_first_touch_to_the_end(page: Any, robot: StandInRobot) 
     page.click("#pause")
     wait_command(robot, "PAUSE")
     page.wait_for_selector('[data-reason="PAUSED"]')  # reason of the stop
+    robot.say_ride(last_command="RESUME", last_command_accepted=False, reason="the battery is low")
+    page.wait_for_selector('[data-page="ride"] .notice.bad:has-text("the battery is low")')
     page.click("#resume")
     wait_command(robot, "RESUME")
     page.wait_for_selector("#pause")
@@ -49,6 +51,18 @@ def test_a_ride_from_the_first_touch_to_the_end(page: Any, robot: StandInRobot) 
     page.wait_for_selector('[data-end="ABORTED"]')
     robot.say_ride(state="COMPLETED", progress=1.0)
     page.wait_for_selector('[data-end="COMPLETED"]')
+    robot.say_ride(last_command="START_MISSION", last_command_accepted=False, reason="no such mission")
+    page.wait_for_selector('[data-page="destinations"] .notice.bad:has-text("no such mission")')
+    unlock(page)
+    page.click('[data-nav="missions"]')
+    page.wait_for_selector('[data-page="missions"] .notice.bad:has-text("no such mission")')
+    robot.say_ride(last_command="", last_command_accepted=False, reason="")
+
+
+def test_a_message_that_is_refused_is_answered(page: Any) -> None:
+    answer = page.evaluate("window.touchUi.link.ask({ t: 'start', mission: 3 })")
+    assert (answer["t"], answer.get("ok")) == ("refused", None)
+    assert answer["why"].startswith("start.mission: ")
 
 
 def test_language_and_settings_change_at_once_and_stay_on_this_screen(page: Any, robot: StandInRobot, url: str) -> None:
