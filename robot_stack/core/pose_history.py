@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections import deque
 from dataclasses import dataclass
@@ -18,6 +19,23 @@ class StampedPose:
     pose: Pose2
 
 
+@dataclass(frozen=True, slots=True)
+class StepLimit:
+    """The longest step of odometry that the robot can have driven, m/s, rad/s, m, rad; a longer one is a restart of its
+    frame. slack_m, slack_rad: allowed beyond the speeds.
+    """
+
+    speed_mps: float
+    yaw_rate_radps: float
+    slack_m: float
+    slack_rad: float
+
+    def allows(self, step: Pose2, elapsed_s: float) -> bool:
+        """step: from one pose to another, whose stamps are ``elapsed_s`` apart in either order."""
+        near = math.hypot(step.x, step.y) <= self.speed_mps * abs(elapsed_s) + self.slack_m
+        return near and abs(step.yaw) <= self.yaw_rate_radps * abs(elapsed_s) + self.slack_rad
+
+
 class PoseHistory:
     """Poses in one frame in the order of their stamps, ``history_s`` of them."""
 
@@ -28,6 +46,10 @@ class PoseHistory:
     @property
     def newest(self) -> StampedPose | None:
         return self._items[-1] if self._items else None
+
+    def is_set_back(self, stamp_s: float) -> bool:
+        """True if a reading with this stamp shows that the clock was set back since the newest pose."""
+        return bool(self._items) and self._items[-1].stamp_s - stamp_s > LATE_S
 
     def add(self, stamp_s: float, pose: Pose2) -> bool:
         """Appends a pose; False if it is not newer than the newest."""

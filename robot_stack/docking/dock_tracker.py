@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from robot_stack.core.docks import Dock
 from robot_stack.core.geometry import Pose2
-from robot_stack.core.pose_history import LATE_S, PoseHistory
+from robot_stack.core.pose_history import PoseHistory
 from robot_stack.docking.dock_calibration import Correction
 from robot_stack.docking.params import TargetParams
 from robot_stack.docking.sighting import Marker, Sighting, sighting
@@ -77,7 +77,7 @@ class DockTracker:
     def on_odometry(self, stamp_s: float, pose: Pose2) -> None:
         """Adds base_link in odom, which must be finite."""
         before = self._odometry.newest
-        if before is not None and stamp_s < before.stamp_s - LATE_S:  # time was set back: another history begins
+        if self._odometry.is_set_back(stamp_s):  # another history begins
             self._odometry.clear()
             before, self._newest_s = None, -math.inf
             self.seen_s, self._count_from_s = min(self.seen_s, stamp_s), min(self._count_from_s, stamp_s)

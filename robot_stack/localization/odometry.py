@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2
+from robot_stack.core.pose_history import StepLimit
 from robot_stack.localization.params import OdometryParams
 
 Variances = tuple[float, float, float]
@@ -77,8 +78,8 @@ class OdometryIncrements:
 
     def __init__(self, params: OdometryParams, max_speed_mps: float, max_yaw_rate_radps: float) -> None:
         self._params = params
-        self._max_speed_mps = max_speed_mps * params.max_speed_factor
-        self._max_yaw_rate_radps = max_yaw_rate_radps * params.max_speed_factor
+        fastest = max_speed_mps * params.max_speed_factor, max_yaw_rate_radps * params.max_speed_factor
+        self._steps = StepLimit(*fastest, params.jump_tolerance_m, params.jump_tolerance_rad)
         self._last: OdometryReading | None = None
 
     def take(self, reading: OdometryReading) -> Increment:
@@ -102,10 +103,8 @@ class OdometryIncrements:
         return Increment(OdometryEvent.MOTION, reading.stamp_s, dt_s, motion, variance)
 
     def _is_restart(self, last: OdometryReading, reading: OdometryReading, motion: Pose2, dt_s: float) -> bool:
-        too_far = math.hypot(motion.x, motion.y) > self._max_speed_mps * dt_s + self._params.jump_tolerance_m
-        too_much = abs(motion.yaw) > self._max_yaw_rate_radps * dt_s + self._params.jump_tolerance_rad
         # The covariance of dead reckoning never shrinks: if it does, odometry has restarted.
-        return too_far or too_much or sum(reading.pose_variance) < 0.5 * sum(last.pose_variance)
+        return not self._steps.allows(motion, dt_s) or sum(reading.pose_variance) < 0.5 * sum(last.pose_variance)
 
     def _held(
         self, event: OdometryEvent, last: OdometryReading, reading: OdometryReading, unseen_s: float

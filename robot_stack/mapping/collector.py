@@ -11,6 +11,7 @@ import numpy as np
 
 from robot_stack.core.geometry import IDENTITY, Pose2, wrap_angle
 from robot_stack.core.point_cloud import Points
+from robot_stack.core.pose_history import StepLimit
 from robot_stack.core.robot import Robot
 from robot_stack.mapping.params import Sweeps as Settings
 from robot_stack.mapping.poses import Floats
@@ -32,6 +33,8 @@ class Collector:
     def __init__(self, settings: Settings, robot: Robot) -> None:
         self._settings = settings
         self._robot = robot
+        fastest = _FASTER * robot.empty.max_speed_mps, _FASTER * robot.empty.max_yaw_rate_radps
+        self._steps = StepLimit(*fastest, _JUMP_M, _JUMP_RAD)
         self._stamps: list[float] = []
         self._odometry: list[tuple[float, ...]] = []
         self._frame = IDENTITY  # of the odometry, in its first frame
@@ -67,10 +70,7 @@ class Collector:
 
     def _restarted(self, dt_s: float, step: Pose2, variance: float) -> bool:
         """True for a step that no wheel can drive, or a covariance that shrinks, which dead reckoning's never does."""
-        limits, faster_s = self._robot.empty, _FASTER * abs(dt_s)
-        too_far = math.hypot(step.x, step.y) > limits.max_speed_mps * faster_s + _JUMP_M
-        too_much = abs(step.yaw) > limits.max_yaw_rate_radps * faster_s + _JUMP_RAD
-        return too_far or too_much or (dt_s > 0.0 and variance < 0.5 * self._variance)
+        return not self._steps.allows(step, dt_s) or (dt_s > 0.0 and variance < 0.5 * self._variance)
 
     def imu(self, stamp_s: float, roll_rad: float, pitch_rad: float, turn_rate_radps: float) -> None:
         """roll, pitch NaN where the unit gives no attitude."""

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 
 from robot_stack.core.geometry import IDENTITY, Pose2, Twist2, exp_se2
-from robot_stack.core.pose_history import LATE_S, PoseHistory, StampedPose
+from robot_stack.core.pose_history import PoseHistory, StampedPose, StepLimit
 from robot_stack.navigation.params import PoseParams
 
 
@@ -31,8 +31,8 @@ class PoseSource:
 
     def __init__(self, params: PoseParams, max_speed_mps: float, max_yaw_rate_radps: float) -> None:
         self._params = params
-        self._max_speed_mps = params.max_speed_factor * max_speed_mps
-        self._max_yaw_rate_radps = params.max_speed_factor * max_yaw_rate_radps
+        fastest = params.max_speed_factor * max_speed_mps, params.max_speed_factor * max_yaw_rate_radps
+        self._steps = StepLimit(*fastest, params.jump_tolerance_m, params.jump_tolerance_rad)
         self._odometry = PoseHistory(params.history_s)
         self._twist = Twist2(0.0, 0.0, 0.0)
         self._odometry_received_s = -math.inf
@@ -84,11 +84,8 @@ class PoseSource:
 
     def _continues(self, last: StampedPose, stamp_s: float, pose: Pose2) -> bool:
         dt_s = stamp_s - last.stamp_s
-        if not -LATE_S <= dt_s <= self._params.history_s:
-            return False
-        step, p = pose.relative_to(last.pose), self._params
-        near = math.hypot(step.x, step.y) <= self._max_speed_mps * abs(dt_s) + p.jump_tolerance_m
-        return near and abs(step.yaw) <= self._max_yaw_rate_radps * abs(dt_s) + p.jump_tolerance_rad
+        known = not self._odometry.is_set_back(stamp_s) and dt_s <= self._params.history_s
+        return known and self._steps.allows(pose.relative_to(last.pose), dt_s)
 
     def _apply_fix(self) -> None:
         """Computes map_to_odom at the fix's stamp, once the odometry covers it."""

@@ -60,8 +60,7 @@ class Motion:
         """Adds a reading; returns the reason if it is rejected, else an empty text."""
         if not (math.isfinite(stamp_s) and pose.is_finite() and twist.is_finite()):
             return "/odom is not finite"
-        newest = self._poses.newest
-        if newest is not None and newest.stamp_s - stamp_s > LATE_S:
+        if self._poses.is_set_back(stamp_s):
             self._poses.clear()
             self.restarts += 1
         if self._poses.add(stamp_s, pose):

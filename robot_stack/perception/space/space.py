@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from robot_stack.core.geometry import Pose2, wrap_angle
+from robot_stack.core.pose_history import StepLimit
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.perception.params import MovingObjectParams, SpaceParams
 from robot_stack.perception.space import kernels
@@ -50,6 +51,8 @@ class Space:
 
     def __init__(self, params: SpaceParams, robot: Robot) -> None:
         self._params, self._robot = params, robot
+        fastest = robot.empty.max_speed_mps, robot.empty.max_yaw_rate_radps
+        self._steps = StepLimit(*fastest, params.jump_m, params.jump_rad)
         count = round(params.size_m / params.cell_m)
         self._corner = np.zeros(2, np.int64)
         self._state: Cells = np.full((count, count), UNSEEN, np.int8)
@@ -104,10 +107,7 @@ class Space:
         """True if odometry has restarted: base_link is farther from the newest view's pose than the robot can move."""
         if self._pose is None:
             return False
-        step, p, fastest = pose.relative_to(self._pose), self._params, self._robot.empty
-        elapsed_s = abs(stamp_s - self._newest_s)
-        far = math.hypot(step.x, step.y) > fastest.max_speed_mps * elapsed_s + p.jump_m
-        return far or abs(step.yaw) > fastest.max_yaw_rate_radps * elapsed_s + p.jump_rad
+        return not self._steps.allows(pose.relative_to(self._pose), stamp_s - self._newest_s)
 
     def observe(self, view: View, pose: Pose2) -> None:
         """Adds a view of a sensor; base_link was at ``pose`` at its stamp.
