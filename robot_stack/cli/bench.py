@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import json
 import sys
 from collections.abc import Mapping
 from pathlib import Path
@@ -11,7 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
-from robot_stack.cli.errors import WRONG_USE, CommandError, writing
+from robot_stack.cli.errors import WRONG_USE, CommandError, write_json
 
 _ROOT = Path(__file__).resolve().parents[2]
 _BENCHMARKS = "tests.benchmarks"
@@ -36,9 +35,7 @@ def bench(
     except framework.BenchError as error:
         raise CommandError(str(error)) from None
     if json_file is not None:
-        with writing(json_file):
-            json_file.parent.mkdir(parents=True, exist_ok=True)
-            json_file.write_text(json.dumps(result, indent=2) + "\n", encoding="utf-8")
+        write_json(json_file, result)
     _print(framework.describe(name), benchmark.aims, result)
     if json_file is not None:
         print(f"written to {json_file}")

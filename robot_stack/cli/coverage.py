@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from robot_stack.cli.errors import WRONG_USE, CommandError, writing
+from robot_stack.cli.errors import WRONG_USE, CommandError, write_json, writing
 
 if TYPE_CHECKING:
     from robot_stack.coverage.coverage import Body, Seen
@@ -55,9 +54,7 @@ def coverage(
 def _write(file: Path | None, figures: object) -> None:
     if file is None:
         return
-    with writing(file):
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+    write_json(file, figures)
     print(f"written to {file}")
 
 

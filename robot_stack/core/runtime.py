@@ -39,7 +39,7 @@ def runtime_dir() -> Path:
     named = os.environ.get("ROBOT_STACK_RUNTIME_DIR")
     if named:
         folder = Path(named)
-        _make(folder, parents=True)
+        _make(folder)
     else:
         of_user = _shared_memory() / f"robot_stack-{os.getuid()}"
         _make(of_user)
@@ -50,9 +50,9 @@ def runtime_dir() -> Path:
     return folder
 
 
-def _make(folder: Path, parents: bool = False) -> None:
+def _make(folder: Path) -> None:
     try:
-        folder.mkdir(parents=parents, exist_ok=True, mode=0o700)
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     except OSError as error:
         raise ConfigError(f"runtime folder {folder} cannot be made: {error.strerror or error}") from None
 

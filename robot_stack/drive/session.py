@@ -146,8 +146,13 @@ class DriveSession:
         cause = self._tripped or "an emergency stop of another source"
         return Stage.TRIPPED, f"{cause}; needs an emergency stop and its release"
 
-    def _homed(self, snapshot: StatusSnapshot, _: float = 0.0) -> Missing:
-        """Steering of unknown heading does not move. Its servos are on, which homing needs.
+    def _homed(self, snapshot: StatusSnapshot, _: float) -> Missing:
+        """The servos are on before, because homing needs them."""
+        problem = self._homing_problem(snapshot)
+        return (Stage.HOMING, problem) if problem else None
+
+    def _homing_problem(self, snapshot: StatusSnapshot) -> str:
+        """Why the steering must not move, else empty: its heading is unknown.
 
         Neither does steering that was homed since the last emergency stop: only there the controller replaces its set
         points by the measured headings, and the former ones refer to another zero.
@@ -158,9 +163,9 @@ class DriveSession:
         names = [self._names[axis] for axis in self._steer_axes]
         unknown = [name for name, zero in zip(names, zeros, strict=True) if zero is None]
         if unknown:
-            return Stage.HOMING, f"not homed: {', '.join(unknown)}; align the wheels and run robot-stack wmx home"
+            return f"not homed: {', '.join(unknown)}; align the wheels and run robot-stack wmx home"
         homed = [n for n, zero, old in zip(names, zeros, self._zeros, strict=True) if not _same_zero(zero, old)]
-        return (Stage.HOMING, f"homed: {', '.join(homed)}; needs an emergency stop and its release") if homed else None
+        return f"homed: {', '.join(homed)}; needs an emergency stop and its release" if homed else ""
 
     def _zeros_of(self, snapshot: StatusSnapshot) -> list[float | None]:
         """Home offset of each steering axis, rad; None for one whose home is unknown."""
@@ -179,9 +184,9 @@ class DriveSession:
         snapshot = self.look()
         if snapshot is None:
             return Applied(None, self._engine.problem if self.ready else self._not_ready)
-        not_homed = self._homed(snapshot)
-        if not_homed:
-            return Applied(None, not_homed[1])
+        problem = self._homing_problem(snapshot)
+        if problem:
+            return Applied(None, problem)
         return self.move(
             drive_moves(set_points.speeds_mps, self.wheel_speeds_radps(snapshot), self._axes),
             steer_moves(set_points.angles_rad, snapshot.pos_cmd[self._steer_axes].tolist(), self._axes),

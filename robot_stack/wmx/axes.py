@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from robot_stack.wmx.api.enums import EngineState
+from robot_stack.wmx.api.enums import EngineState, OperationState
 
 FloatRow = NDArray[np.float64]
 IntRow = NDArray[np.int64]
@@ -114,6 +114,10 @@ class StatusSnapshot:
     @property
     def communicating(self) -> bool:
         return self.engine_state is EngineState.Communicating
+
+    def held_at_zero(self, axis: int) -> bool:
+        """Stopped by velocity 0, which is still a motion for the engine."""
+        return bool(self.op_state[axis] == OperationState.Velocity and self.velocity_cmd[axis] == 0.0)
 
     def _real(self, row: Real) -> FloatRow:
         values: FloatRow = self.reals[row]

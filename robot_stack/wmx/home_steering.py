@@ -72,9 +72,7 @@ def _homed(snapshot: StatusSnapshot, axis: int, name: str) -> bool:
 
 
 def _stands(snapshot: StatusSnapshot, axis: int) -> bool:
-    """An axis stopped by velocity 0, as the drive does, is still in a motion for the engine."""
-    at_zero = snapshot.op_state[axis] == OperationState.Velocity and snapshot.velocity_cmd[axis] == 0.0
-    at_rest = at_zero or snapshot.op_state[axis] == OperationState.Idle
+    at_rest = snapshot.held_at_zero(axis) or snapshot.op_state[axis] == OperationState.Idle
     return bool(at_rest and abs(snapshot.actual_velocity[axis]) <= _STANDSTILL_RADPS)
 
 

@@ -185,8 +185,7 @@ class AxisServices:
         code, snapshot = self._device.read()
         if snapshot is None or not 0 <= axis < snapshot.n_axes:
             return code
-        standing = snapshot.op_state[axis] == OperationState.Velocity and snapshot.velocity_cmd[axis] == 0.0
-        if not standing or axis not in self._device.moving(snapshot):
+        if not snapshot.held_at_zero(axis) or axis not in self._device.moving(snapshot):
             return _OK
         code = self._device.stop([axis], snapshot)[axis]
         if code:

@@ -348,12 +348,12 @@ def test_an_object_at_the_edge_leaves_the_margin_to_other_obstacles() -> None:
     axis = (np.arange(_N) + 0.5) * _RES - 5.0
     x, y = np.meshgrid(axis, axis)
     object_at_edge, wall = np.hypot(x - 0.2, y - 0.35) < 0.04, abs(x - 1.0) < 0.06
-    controller, nobody = RolloutController(params().local), np.empty((0, 6))
+    controller, no_people = RolloutController(params().local), np.empty((0, 6))
     for lethal, most_mps in ((object_at_edge, 0.4), (object_at_edge | wall, 0.2)):
         cells = np.where(lethal, np.int8(100), np.int8(0))
         local = local_map(1.0, _RES, Pose2(-5.0, -5.0, 0.0), cells, np.zeros_like(cells, np.bool_))
         assert float(local.clearance_m(OUTLINE, np.zeros((1, 3)))[0]) == 0.0
-        twist, clear = controller.governed(IDENTITY, Twist2(0.4, 0.0, 0.0), ROBOT.footprint, local, nobody, 0.2)
+        twist, clear = controller.governed(IDENTITY, Twist2(0.4, 0.0, 0.0), ROBOT.footprint, local, no_people, 0.2)
         assert clear
         assert twist.vx <= most_mps + 1e-9
         assert twist.vx > 0.0
