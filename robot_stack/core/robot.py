@@ -36,6 +36,13 @@ class Motion(Config):
     max_yaw_jerk_radps3: Positive
 
 
+class ModulePosition(Config):
+    """Where a module's steering axis meets the ground, m, base_link."""
+
+    x_m: float
+    y_m: float
+
+
 class Footprint(Config):
     """Rectangle in base_link, m: x from rear_m to front_m, y +-half of width_m."""
 
@@ -222,8 +229,7 @@ class Mast(Config):
 class Robot(Config):
     """Physical parameters of the machine, independent of the drive software."""
 
-    wheelbase_m: Positive
-    track_m: Positive
+    modules: dict[str, ModulePosition]
     wheel_radius_m: Positive
     wheel_width_m: Positive
     mass_kg: Positive
@@ -254,6 +260,20 @@ class Robot(Config):
     safety_edge: SafetyEdge | None = None
 
     @model_validator(mode="after")
+    def _stands_on_its_modules(self) -> Robot:
+        if tuple(self.modules) != frames.MODULES:
+            raise ValueError(f"modules must be {', '.join(frames.MODULES)}, in this order")
+        fl, fr, rl, rr = self.module_positions_m()
+        around = (fl, rl, rr, fr)
+        for index, (x, y) in enumerate(around):
+            (next_x, next_y), (after_x, after_y) = around[(index + 1) % 4], around[(index + 2) % 4]
+            if x * next_y - next_x * y <= 0.0:
+                raise ValueError("base_link must lie between the modules, fl ahead on the left, rr behind on the right")
+            if (next_x - x) * (after_y - next_y) - (next_y - y) * (after_x - next_x) <= 0.0:
+                raise ValueError("no module may lie between the three others")
+        return self
+
+    @model_validator(mode="after")
     def _every_joint_has_an_axis(self) -> Robot:
         missing, unknown = set(frames.JOINTS) - set(self.axes), set(self.axes) - set(frames.JOINTS)
         if missing or unknown:
@@ -279,9 +299,11 @@ class Robot(Config):
     def _footprint_holds_the_robot(self) -> Robot:
         """A robot that extends beyond its planning footprint would collide where the plan shows clearance."""
         front, rear, half = self.footprint.front_m, self.footprint.rear_m, 0.5 * self.footprint.width_m
-        along = max(0.5 * self.wheelbase_m + self.wheel_radius_m, 0.5 * self.chassis.length_m)
-        across = max(0.5 * self.track_m + self.wheel_radius_m, 0.5 * self.chassis.width_m)
-        if along > min(front, -rear) or across > half:
+        radius, places = self.wheel_radius_m, self.module_positions_m()
+        ahead = max(*(x + radius for x, _ in places), 0.5 * self.chassis.length_m)
+        behind = max(*(radius - x for x, _ in places), 0.5 * self.chassis.length_m)
+        across = max(*(abs(y) + radius for _, y in places), 0.5 * self.chassis.width_m)
+        if ahead > front or behind > -rear or across > half:
             raise ValueError("footprint must hold the chassis and the wheels, however they are steered")
         chair = self.footprint_with_chair
         if chair.front_m < front or chair.rear_m > rear or 0.5 * chair.width_m < half:
@@ -368,8 +390,7 @@ class Robot(Config):
 
     def module_positions_m(self) -> tuple[tuple[float, float], ...]:
         """(x, y) of the steering axes in base_link, m, in module order FL FR RL RR."""
-        x, y = 0.5 * self.wheelbase_m, 0.5 * self.track_m
-        return (x, y), (x, -y), (-x, y), (-x, -y)
+        return tuple((self.modules[name].x_m, self.modules[name].y_m) for name in frames.MODULES)
 
     def motor(self, joint: str) -> Drive | Steer:
         """The kind of servo axis of a joint."""

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robot_stack.core.geometry import Twist2
+from robot_stack.core.rigid_motion import Vectors, residuals, rigid_fit
 from robot_stack.drive.kinematics import Positions
 
-Vectors = Sequence[tuple[float, float]]
 _ALL = (0, 1, 2, 3)
 # An inconsistent wheel can only be identified if three others agree.
 _FEWEST_TO_AGREE = 3
@@ -30,36 +30,6 @@ class WheelFit:
     used: tuple[int, ...]
     rms_m: float
     consistent: bool
-
-
-def fit(positions: Positions, displacements: Vectors, modules: Sequence[int] = _ALL) -> Twist2:
-    """Least squares over two rows of each of ``modules`` (two at least): translation (m) and rotation (rad) of the
-    body.
-    """
-    n = len(modules)
-    px = py = dx = dy = 0.0
-    for i in modules:
-        px += positions[i][0]
-        py += positions[i][1]
-        dx += displacements[i][0]
-        dy += displacements[i][1]
-    px, py, dx, dy = px / n, py / n, dx / n, dy / n
-    # About the centroid, translation and rotation separate.
-    moment = inertia = 0.0
-    for i in modules:
-        x, y = positions[i][0] - px, positions[i][1] - py
-        moment += x * (displacements[i][1] - dy) - y * (displacements[i][0] - dx)
-        inertia += x * x + y * y
-    theta = moment / inertia
-    return Twist2(dx + theta * py, dy - theta * px, theta)
-
-
-def residuals(positions: Positions, displacements: Vectors, motion: Twist2) -> list[float]:
-    """Distance of each module's displacement from that of ``motion``, m."""
-    return [
-        math.hypot(dx - motion.vx + motion.omega * y, dy - motion.vy - motion.omega * x)
-        for (x, y), (dx, dy) in zip(positions, displacements, strict=True)
-    ]
 
 
 def robust_fit(
@@ -81,7 +51,7 @@ def robust_fit(
 
 
 def _fit(positions: Positions, displacements: Vectors, modules: tuple[int, ...], tolerance_m: float) -> WheelFit:
-    motion = fit(positions, displacements, modules)
+    motion = rigid_fit([positions[i] for i in modules], [displacements[i] for i in modules])
     errors = residuals(positions, displacements, motion)
     largest = max(errors[i] for i in modules)
     # Rows less unknowns: the degrees of freedom that are left for the error.

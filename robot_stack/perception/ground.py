@@ -72,18 +72,21 @@ def reach_of(sensor: RangeSensor, params: GroundParams, free: FreeSpaceParams, r
 
 
 def wheel_border(robot: Robot, grid: PolarGrid, sensor_xy_m: tuple[float, float]) -> NDArray[np.float64]:
-    """(sectors, 3) where each direction from the sensor leaves the wheels' rectangle, base_link, m.
+    """(sectors, 3) where each direction from the sensor leaves the quadrangle of the wheels, base_link, m.
 
     The wheels stand on the ground there.
     """
     angles = (np.arange(grid.sectors) + 0.5) * (2.0 * math.pi / grid.sectors) - math.pi
     x0, y0 = sensor_xy_m
-    half_x, half_y = 0.5 * robot.wheelbase_m, 0.5 * robot.track_m
     c, s = np.cos(angles), np.sin(angles)
-    with np.errstate(divide="ignore"):
-        to_x = (np.sign(c) * half_x - x0) / c
-        to_y = (np.sign(s) * half_y - y0) / s
-    distance = np.maximum(np.minimum(np.where(c == 0, np.inf, to_x), np.where(s == 0, np.inf, to_y)), 0.0)
+    fl, fr, rl, rr = robot.module_positions_m()
+    distance = np.full(grid.sectors, np.inf)
+    for (x1, y1), (x2, y2) in ((fl, rl), (rl, rr), (rr, fr), (fr, fl)):
+        outward = (y2 - y1) * c - (x2 - x1) * s
+        with np.errstate(divide="ignore", invalid="ignore"):
+            to_side = ((y2 - y1) * (x1 - x0) - (x2 - x1) * (y1 - y0)) / outward
+        distance = np.where(outward > 0.0, np.minimum(distance, to_side), distance)
+    distance = np.maximum(distance, 0.0)
     x, y = x0 + distance * c, y0 + distance * s
     return np.stack([x, y, np.zeros_like(x)], axis=1)
 

@@ -7,37 +7,30 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
+from robot_stack.core.rigid_motion import residuals, rigid_fit
 
 
 @dataclass(frozen=True, slots=True)
 class Modules:
-    """The drive's geometry, m: (x, y) of the steering axes in base_link, symmetric around it."""
+    """The drive's geometry, m: (x, y) of the steering axes in base_link."""
 
     positions_m: tuple[tuple[float, float], ...]
     wheel_radius_m: float
 
     def twist(self, speeds_mps: Sequence[float], angles_rad: Sequence[float]) -> Twist2:
-        """The least-squares twist of base_link for the modules' velocities.
-
-        Because the modules lie symmetrically, the mean of their velocities is base_link's own, without any turn.
-        """
-        wheels = zip(speeds_mps, angles_rad, strict=True)
-        velocities = [(speed * math.cos(angle), speed * math.sin(angle)) for speed, angle in wheels]
-        moment = sum(x * v - y * u for (x, y), (u, v) in zip(self.positions_m, velocities, strict=True))
-        inertia = sum(x * x + y * y for x, y in self.positions_m)
-        count = len(velocities)
-        return Twist2(sum(u for u, _ in velocities) / count, sum(v for _, v in velocities) / count, moment / inertia)
+        """The least-squares twist of base_link for the modules' velocities."""
+        return rigid_fit(self.positions_m, _velocities(speeds_mps, angles_rad))
 
     def disagreement_mps(self, speeds_mps: Sequence[float], angles_rad: Sequence[float]) -> float:
         """Largest deviation of a module's velocity from that of the least-squares twist, m/s."""
-        twist = self.twist(speeds_mps, angles_rad)
-        return max(
-            math.hypot(
-                speed * math.cos(angle) - (twist.vx - twist.omega * y),
-                speed * math.sin(angle) - (twist.vy + twist.omega * x),
-            )
-            for speed, angle, (x, y) in zip(speeds_mps, angles_rad, self.positions_m, strict=True)
-        )
+        velocities = _velocities(speeds_mps, angles_rad)
+        return max(residuals(self.positions_m, velocities, rigid_fit(self.positions_m, velocities)))
+
+
+def _velocities(speeds_mps: Sequence[float], angles_rad: Sequence[float]) -> list[tuple[float, float]]:
+    """(x, y) of the wheels' rims, m/s, base_link."""
+    wheels = zip(speeds_mps, angles_rad, strict=True)
+    return [(speed * math.cos(angle), speed * math.sin(angle)) for speed, angle in wheels]
 
 
 class DeadReckoning:

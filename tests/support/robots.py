@@ -19,19 +19,26 @@ _LATCH_PLATES_M = 0.70  # width of the plates with the hooks; wheelchairs are th
 @dataclass(frozen=True, slots=True)
 class Size:
     """factor: scales all lengths not shared with the wheelchair. camera_m: height of both cameras, whose target is a
-    board 0.45 m above the ground. lidar: x, y, z m and roll, pitch, yaw deg of its mounting."""
+    board 0.45 m above the ground. lidar: x, y, z m and roll, pitch, yaw deg of its mounting. rear: the rear modules'
+    (x, y), as a share of the shipped robot's before scaling."""
 
     factor: float
     camera_m: float
     lidar_m: tuple[float, float, float]
     lidar_deg: tuple[float, float, float]
+    rear: tuple[float, float] = (1.0, 1.0)
 
     def robot(self, shipped: dict[str, Any]) -> dict[str, Any]:
         """robot.yaml of this size."""
         f = self.factor
         made = dict(shipped)
-        for name in ("wheelbase_m", "track_m", "wheel_radius_m", "wheel_width_m", "centre_of_gravity_height_m"):
+        for name in ("wheel_radius_m", "wheel_width_m", "centre_of_gravity_height_m"):
             made[name] = f * shipped[name]
+        share = {"fl": (1.0, 1.0), "fr": (1.0, 1.0), "rl": self.rear, "rr": self.rear}
+        made["modules"] = {
+            name: {"x_m": f * share[name][0] * at["x_m"], "y_m": f * share[name][1] * at["y_m"]}
+            for name, at in shipped["modules"].items()
+        }
         made["mass_kg"] = f * f * shipped["mass_kg"]
         latch_m = f * shipped["latch"]["x_m"]
         made["latch"] = {**shipped["latch"], "x_m": latch_m}
@@ -65,6 +72,6 @@ class Size:
 SIZES = {
     "small": Size(0.8, 0.44, (0.05, 0.0, 0.58), (0.0, 0.0, 90.0)),
     "middle": Size(1.0, 0.45, (-0.12, 0.06, 0.85), (0.0, 4.0, 0.0)),
-    "large": Size(1.25, 0.47, (0.32, 0.0, 1.05), (1.5, -3.0, -35.0)),
+    "large": Size(1.25, 0.47, (0.32, 0.0, 1.05), (1.5, -3.0, -35.0), rear=(0.85, 0.75)),
 }
-"""Three robots with different LiDAR mountings."""
+"""Three robots with different LiDAR mountings, the large one with a narrower rear nearer to its centre."""

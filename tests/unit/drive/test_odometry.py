@@ -13,7 +13,7 @@ from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_s
 from robot_stack.drive.kinematics import ZEROS, Four, wheel_velocities
 from robot_stack.drive.odometry import Encoders, Odometry, SwerveOdometry
 from robot_stack.drive.params import OdometryParams
-from robot_stack.drive.wheel_fit import fit, residuals, robust_fit
+from robot_stack.drive.wheel_fit import robust_fit
 from tests.benchmarks.support.perfect_ride import PerfectRide, perfect_ride
 from tests.unit.drive.robot import PARAMS, POSITIONS, ROBOT
 
@@ -70,23 +70,6 @@ class Wheels:
 
 def near(a: Pose2, b: Pose2, tolerance: float = 1e-9) -> bool:
     return a.distance_to(b) <= tolerance and abs(math.remainder(a.yaw - b.yaw, 2 * math.pi)) <= tolerance
-
-
-@given(twists)
-def test_fit_of_any_two_wheels_or_more_recovers_any_rigid_motion(motion: Twist2):
-    for wheels in ((0, 1, 2, 3), (0, 1), (0, 3), (1, 2), (2, 3)):
-        got = fit(POSITIONS, wheel_velocities(POSITIONS, motion), wheels)
-        assert (got.vx, got.vy, got.omega) == pytest.approx((motion.vx, motion.vy, motion.omega), abs=1e-9)
-    assert max(residuals(POSITIONS, wheel_velocities(POSITIONS, motion), got)) < 1e-9
-
-
-def test_fit_agrees_with_least_squares_of_numpy():
-    rng = np.random.default_rng(7)
-    displacements = [(float(x), float(y)) for x, y in rng.normal(size=(4, 2))]
-    rows = [row for x, y in POSITIONS for row in ([1.0, 0.0, -y], [0.0, 1.0, x])]
-    expected = np.linalg.lstsq(np.array(rows), np.array(displacements).ravel(), rcond=None)[0]
-    got = fit(POSITIONS, displacements)
-    assert (got.vx, got.vy, got.omega) == pytest.approx(tuple(expected))
 
 
 @given(twists, st.integers(0, 3), st.floats(0.5, 3.0), st.floats(0.0, 2 * math.pi))

@@ -78,9 +78,10 @@ def drive_to_a_goal() -> None:
         assert pose_from_msg(odometry[-1].pose.pose).distance_to(pose) < 0.02
 
 
-@pytest.mark.parametrize("size", ["small"], indirect=True)
+@pytest.mark.parametrize("size", ["large"], indirect=True)
 def test_it_drives_to_a_goal(size: str) -> None:
-    assert load_robot().wheelbase_m == pytest.approx(SIZES[size].factor * SHIPPED.wheelbase_m)
+    front, rear = load_robot().modules["fl"], load_robot().modules["rl"]
+    assert (rear.x_m, rear.y_m) == pytest.approx((-0.85 * front.x_m, 0.75 * front.y_m))
     drive_to_a_goal()
 
 
@@ -169,6 +170,12 @@ def test_its_lidar_finds_it_in_the_map(size: str) -> None:
     assert abs(math.atan2(match.pose[1, 0], match.pose[0, 0]) - at.yaw) < math.radians(0.3)
 
 
+def at(**moved: tuple[float, float]) -> dict[str, dict[str, float]]:
+    """The shipped modules with these at other places."""
+    places = dict(zip(SHIPPED.modules, SHIPPED.module_positions_m(), strict=True)) | moved
+    return {name: {"x_m": x, "y_m": y} for name, (x, y) in places.items()}
+
+
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
@@ -177,7 +184,16 @@ def test_its_lidar_finds_it_in_the_map(size: str) -> None:
             {"front_m": 0.3, "rear_m": -0.3, "width_m": 0.7},
             "footprint must hold the chassis and the wheels",
         ),
-        ("track_m", 0.66, "footprint must hold the chassis and the wheels"),
+        ("modules", at(fl=(0.30, 0.33)), "footprint must hold the chassis and the wheels"),
+        ("modules", at(rl=(-0.45, 0.25)), "footprint must hold the chassis and the wheels"),
+        ("modules", at(fl=(0.30, -0.25), fr=(0.30, 0.25)), "base_link must lie between the modules"),
+        ("modules", at(rl=(0.02, 0.25), rr=(0.02, -0.25)), "base_link must lie between the modules"),
+        (
+            "modules",
+            at(fl=(0.02, 0.02), fr=(0.35, -0.25), rl=(-0.25, 0.25)),
+            "no module may lie between the three others",
+        ),
+        ("modules", {"fl": {"x_m": 0.3, "y_m": 0.25}}, "modules must be fl, fr, rl, rr"),
         ("footprint_with_chair", {"front_m": 1.4, "rear_m": -0.4, "width_m": 0.8}, "footprint_with_chair must hold"),
         ("chassis", {"length_m": 0.9, "width_m": 0.5, "bottom_m": 0.5, "top_m": 0.4}, "top_m must be above bottom_m"),
     ],
