@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from robot_stack.contract.states import SERVOED, DockingState
 from robot_stack.core.departure import SETTING_OUT, Departure
 from robot_stack.core.docks import Dock
-from robot_stack.core.geometry import ZERO_TWIST, Pose2
+from robot_stack.core.geometry import ZERO_TWIST, Pose2, exp_se2
 from robot_stack.core.goals import NavigationEvent, NavigationGoals
 from robot_stack.docking.dock_calibration import Correction, learnt
 from robot_stack.docking.dock_tracker import DockTracker
@@ -86,6 +86,7 @@ class DockingController:
         self._dock: Dock | None = None
         self._undocking = False
         self._station = ""  # the robot has docked to it and has not cleared it yet
+        self._driven_off = Pose2(0.0, 0.0, 0.0)  # since then by other sources: base_link in its pose at the station
         self._tries = 0
         self._staging = 0  # index of the staging pose of this try
         self._unreachable: set[int] = set()  # staging poses that navigation gave up in this job
@@ -190,6 +191,9 @@ class DockingController:
             return Result(UndockCode.ROBOT_MOVING, "the robot moves" if twist else "no fresh /odom")
         if "SLOPE" in safety.faults:
             return Result(UndockCode.SLOPE_TOO_STEEP, "the slope is above 5 deg")
+        if self._keeper.attached and self._station:
+            why = f"the wheelchair was latched at {self._station!r}: drive {p.distance_m:g} m clear by hand first"
+            return Result(UndockCode.BLOCKED, why)
         return None
 
     def cancel(self) -> Result | None:
@@ -225,6 +229,7 @@ class DockingController:
         self._departure.elapse(situation.twist, dt_s)
         was_busy = self.busy
         lost = self._watch_latch(situation)
+        self._watch_station(situation, dt_s)
         view = self._view(situation, dt_s)
         failure = self._guard.check(situation, self._state, dt_s) if self.busy else None
         if failure is not None:
@@ -300,7 +305,8 @@ class DockingController:
         if isinstance(phase, Latching) and phase.closed:
             self._phase = LookingOnce(self._params.latch)
             assert self._dock is not None
-            self._station = self._dock_id if self._dock.kind != "wheelchair" else ""
+            if self._dock.kind != "wheelchair":
+                self._arrive_at_station()
             self.tracker.count_from(self._now_s + self._params.latch.learn_after_s)
         elif isinstance(phase, LookingOnce) and phase.finished:
             return self._docked(view)
@@ -407,6 +413,24 @@ class DockingController:
             elif self._keeper.holding and self._state is DockingState.IDLE:
                 self._enter(Trigger.ATTACHED, Latched("docked"))
         return lost
+
+    def _arrive_at_station(self) -> None:
+        self._station, self._driven_off = self._dock_id, Pose2(0.0, 0.0, 0.0)
+
+    def _watch_station(self, situation: Situation, dt_s: float) -> None:
+        """A robot that was driven off by hand is clear of its station.
+
+        By the twist: the frame of odometry may restart while the robot is docked.
+        """
+        p, twist = self._params.undock, situation.twist
+        if not self._station or self.busy or twist is None or twist.speed() <= p.standing_mps:
+            return
+        self._driven_off = self._driven_off.compose(exp_se2(twist, dt_s))
+        if math.hypot(self._driven_off.x, self._driven_off.y) < p.distance_m:
+            return
+        self._station = ""
+        if not self._keeper.attached and self._state is DockingState.DOCKED:
+            self._enter(Trigger.CLEAR, _Idle())
 
     def _view(self, situation: Situation, dt_s: float) -> View:
         dock_pose = None if self._undocking else self.tracker.dock_pose_in_odom()

@@ -46,7 +46,7 @@ TRANSITIONS: tuple[Transition[DockingState, Trigger], ...] = (
     *rows(ACTIVE, Trigger.TRY_FAILED, DockingState.APPROACH),
     *rows(_RESTING, Trigger.UNDOCK, DockingState.DOCKED),
     *rows((DockingState.DOCKED,), Trigger.UNLATCHED, DockingState.SERVOING),
-    *rows((DockingState.SERVOING,), Trigger.CLEAR, DockingState.IDLE),
+    *rows((DockingState.SERVOING, DockingState.DOCKED), Trigger.CLEAR, DockingState.IDLE),
     *rows(ACTIVE, Trigger.GAVE_UP, DockingState.FAILED),
     *rows(ACTIVE, Trigger.CANCELLED, DockingState.IDLE),
     *rows((DockingState.IDLE, DockingState.FAILED), Trigger.ATTACHED, DockingState.DOCKED),

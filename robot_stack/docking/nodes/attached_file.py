@@ -18,11 +18,11 @@ class AttachedFile:
 
     def load(self) -> bool:
         """Whether a wheelchair is attached. An unreadable or invalid file counts as attached, none as not."""
-        return self._read() != _FREE and not self.load_station()
+        return self._read() != _FREE and not (self._read().startswith(_STATION) and self.load_station())
 
     def load_station(self) -> str:
         """Id of the station or charger at which the robot is docked, else empty."""
-        text = self._read()
+        text = self._read().removeprefix(_ATTACHED)
         return text[len(_STATION) : -1] if text.startswith(_STATION) and text.endswith("\n") else ""
 
     def _read(self) -> str:
@@ -36,9 +36,9 @@ class AttachedFile:
     def save(self, attached: bool, station: str = "") -> str:
         """Writes to the disk if changed. Returns the error, else an empty text.
 
-        station: as ``load_station``; not kept with a wheelchair attached.
+        station: as ``load_station``.
         """
-        text = _ATTACHED if attached else f"{_STATION}{station}\n" if station else _FREE
+        text = (_ATTACHED if attached else "") + (f"{_STATION}{station}\n" if station else "") or _FREE
         if text == self._stored:
             return ""
         problem = self._write(text)

@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from robot_stack.contract.states import DockingState
 from robot_stack.core.docks import Place
-from robot_stack.core.geometry import ZERO_TWIST, Pose2
+from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.goals import GoalStatus, NavigationEnded
 from robot_stack.docking.controller import DockingController
 from robot_stack.docking.latch import LatchCommand
 from robot_stack.docking.results import DockCode, UndockCode
 from robot_stack.docking.situation import Safety
-from tests.unit.docking.bench import CAMERAS, Bench, Faults, emergency, params, stopped
+from tests.unit.docking.bench import CAMERAS, TICK_S, Bench, Faults, emergency, params, stopped
 
 SEEING = (DockingState.SEARCH, DockingState.SERVOING, DockingState.FINE_ALIGN)
 
@@ -38,6 +38,13 @@ def begun_far() -> Bench:
 def stands(bench: Bench) -> bool:
     """The last commands are all zero."""
     return all(abs(value) < 1e-12 for twist in bench.commands for value in (twist.vx, twist.vy, twist.omega))
+
+
+def drive_by_hand(bench: Bench, ticks: int) -> None:
+    """Drives 1 cm forward each tick."""
+    for _ in range(ticks):
+        bench.commands[0] = Twist2(0.01 / TICK_S, 0.0, 0.0)
+        bench.step()
 
 
 def board(bench: Bench) -> tuple[float, float]:
@@ -225,6 +232,43 @@ def test_a_wheelchair_latched_after_a_job_at_the_charger_is_left_backwards() -> 
     assert bench.controller.undock(bench.situation()) is None
     assert bench.run_to_end().success
     assert bench.base.relative_to(docked).x == pytest.approx(-0.5, abs=0.02)
+
+
+@pytest.mark.parametrize("restarted", [False, True])
+def test_a_wheelchair_latched_at_the_charger_is_undocked_only_after_driving_clear_by_hand(restarted: bool) -> None:
+    bench = Bench("charger", start=Pose2(1.5, 0.0, 0.0)).docked()
+    bench.latch_position = 8
+    bench.step()
+    if restarted:
+        bench.controller = DockingController(params(), CAMERAS, bench.departure)
+        bench.controller.recall(True)
+        bench.controller.recall_station("charger", bench.dock)
+        bench.step()
+    for ticks in (1, 40):
+        drive_by_hand(bench, ticks)
+        refused = bench.controller.undock(bench.situation())
+        assert refused is not None
+        assert refused.code is UndockCode.BLOCKED
+        assert "by hand" in refused.reason
+    assert (bench.state, bench.outputs[-1].attached) == (DockingState.DOCKED, True)
+    drive_by_hand(bench, 10)
+    bench.run(lambda: False, 0.1)
+    left = bench.base
+    assert bench.controller.undock(bench.situation()) is None
+    assert bench.run_to_end().success
+    assert bench.base.relative_to(left).x == pytest.approx(-0.5, abs=0.02)
+
+
+def test_a_robot_driven_off_the_charger_by_hand_is_not_docked() -> None:
+    bench = Bench("charger", start=Pose2(1.5, 0.0, 0.0)).docked()
+    drive_by_hand(bench, 49)
+    assert (bench.state, bench.controller.station) == (DockingState.DOCKED, "charger")
+    drive_by_hand(bench, 2)
+    assert (bench.state, bench.controller.station) == (DockingState.IDLE, "")
+    bench.run(lambda: False, 0.1)
+    refused = bench.controller.undock(bench.situation())
+    assert refused is not None
+    assert refused.code is UndockCode.NOT_ATTACHED
 
 
 def test_jobs_that_cannot_be_are_refused() -> None:
