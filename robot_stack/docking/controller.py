@@ -86,6 +86,7 @@ class DockingController:
         self._dock: Dock | None = None
         self._undocking = False
         self._station = ""  # the robot has docked to it and has not cleared it yet
+        self._charging = False
         self._driven_off = Pose2(0.0, 0.0, 0.0)  # since then by other sources: base_link in its pose at the station
         self._tries = 0
         self._staging = 0  # index of the staging pose of this try
@@ -154,7 +155,8 @@ class DockingController:
             return Result(DockCode.BUSY, f"busy: {self._text}")
         if self._keeper.attached:
             return Result(DockCode.ALREADY_ATTACHED, "a wheelchair is attached already")
-        if self._station:
+        docked_there = self._station == dock_id and dock.kind == "charger" and self._state is DockingState.DOCKED
+        if self._station and (not docked_there or approach_only):
             return Result(DockCode.ALREADY_ATTACHED, f"docked at {self._station!r}: undock first")
         if self._keeper.attached is None:
             return Result(DockCode.LATCH_FAILED, "the latch's inputs cannot be read")
@@ -163,7 +165,9 @@ class DockingController:
         self._staging, self._unreachable = 0, set()
         self._guard = Guard(self._params, undocking=False)
         self.tracker.look_for(dock, self.corrections.get(dock_id, Correction()))
-        self._enter(Trigger.DOCK, self._drive_to_staging(dock, only=approach_only))
+        # Where the robot is docked, the charge is confirmed once more.
+        phase = Latching(dock, self._params.latch) if docked_there else self._drive_to_staging(dock, only=approach_only)
+        self._enter(Trigger.DOCK, phase)
         return None
 
     def undock(self, situation: Situation) -> Result | None:
@@ -230,6 +234,7 @@ class DockingController:
         was_busy = self.busy
         lost = self._watch_latch(situation)
         self._watch_station(situation, dt_s)
+        self._charging = situation.charging
         view = self._view(situation, dt_s)
         failure = self._guard.check(situation, self._state, dt_s) if self.busy else None
         if failure is not None:
@@ -452,6 +457,10 @@ class DockingController:
         )
 
     def _resting_phase(self, text: str) -> Phase:
+        """The phase after a job that has failed or was cancelled: with a closed contact the robot is docked."""
+        near = self._state in (DockingState.FINE_ALIGN, DockingState.DOCKED) and not self._undocking
+        if near and self._charging and self._dock is not None and self._dock.kind == "charger":
+            self._arrive_at_station()
         return Latched(text) if self._keeper.attached else _Idle(text)
 
     def _enter(self, trigger: Trigger, phase: Phase) -> None:

@@ -37,6 +37,7 @@ ACTIVE = (
 
 TRANSITIONS: tuple[Transition[DockingState, Trigger], ...] = (
     *rows((DockingState.IDLE, DockingState.FAILED), Trigger.DOCK, DockingState.APPROACH),
+    *rows((DockingState.DOCKED,), Trigger.DOCK, DockingState.DOCKED),
     *rows((DockingState.APPROACH,), Trigger.STAGED, DockingState.SEARCH),
     *rows((DockingState.APPROACH,), Trigger.STAGED_ONLY, DockingState.IDLE),
     *rows((DockingState.SEARCH,), Trigger.FOUND, DockingState.SERVOING),

@@ -213,6 +213,33 @@ def test_a_charger_that_does_not_charge_is_a_failure_with_its_own_code(faults: F
     assert {output.latch for output in bench.outputs} <= {LatchCommand.HOLD, LatchCommand.OPEN}
 
 
+@pytest.mark.parametrize("contact", [True, False])
+@pytest.mark.parametrize("end", ["cancelled", "failed"])
+def test_an_interrupted_docking_with_a_closed_charging_contact_counts_as_docked(end: str, contact: bool) -> None:
+    bench = began(Bench("charger", start=Pose2(1.5, 0.0, 0.0), faults=Faults(no_charge=not contact)))
+    bench.reach(DockingState.DOCKED)
+    if end == "cancelled":
+        assert bench.controller.cancel() is not None
+    else:
+        bench.safety = emergency()
+        assert bench.run_to_end(1.0).code is DockCode.SAFETY_STOP
+        bench.safety = Safety(known=True)
+    bench.step()
+    if not contact:
+        assert (bench.state is not DockingState.DOCKED, bench.controller.station) == (True, "")
+        return
+    assert (bench.state, bench.controller.station) == (DockingState.DOCKED, "charger")
+    opened = bench.faults.no_charge = end == "failed"  # meanwhile
+    place = bench.base
+    assert bench.begin() is None
+    if opened:
+        bench.reach(DockingState.APPROACH, 11.0)
+        bench.faults.no_charge = False
+    result = bench.run_to_end()
+    assert (result.success, result.tries) == (True, 1 + opened)
+    assert bench.base.distance_to(place) < (0.01 if opened else 0.001)
+
+
 def test_a_latch_found_closed_means_a_passenger() -> None:
     bench = Bench()
     bench.latch_position = 8
@@ -279,7 +306,7 @@ def test_jobs_that_cannot_be_are_refused() -> None:
         (docking.begin(), DockCode.BUSY),
         (docking.controller.undock(docking.situation()), UndockCode.BUSY),
         (attached.begin(), DockCode.ALREADY_ATTACHED),
-        (at_station.begin(), DockCode.ALREADY_ATTACHED),
+        (at_station.controller.dock("chair_1", idle.dock), DockCode.ALREADY_ATTACHED),
         (Bench(faults=Faults(latch_dead=True)).begin(), DockCode.LATCH_FAILED),
         (idle.controller.undock(idle.situation()), UndockCode.NOT_ATTACHED),
     ]
@@ -589,7 +616,7 @@ def test_an_interrupted_undocking_from_a_charger_can_be_finished(end: str, resta
     bench.run(lambda: False, 1.0)
     assert (bench.state, stands(bench), bench.controller.station) == (DockingState.DOCKED, True, "charger")
     assert ("emergency stop" if end == "failed" else "cancelled") in bench.outputs[-1].text
-    refused = bench.begin()
+    refused = bench.controller.dock("chair_1", Bench().dock)
     assert refused is not None
     assert refused.code is DockCode.ALREADY_ATTACHED
     if restarted:
