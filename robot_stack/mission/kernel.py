@@ -681,6 +681,8 @@ class MissionKernel:
         leaves = self._record.leaving and self._record.state is State.UNDOCKING
         if attached and (leaves or (ordered and stands)):
             return self._stand(Trigger.PAUSE, "a passenger came aboard before the start; RESUME goes on")
+        if not attached and self._record.state in (State.RUNNING, State.WAITING):
+            return self._stand(Trigger.PAUSE, "the passenger was undocked during the ride; RESUME goes on without")
         return (self._save(),)
 
     def _journal_failed(self, problem: str) -> tuple[Effect, ...]:

@@ -67,6 +67,17 @@ def test_docking_state_is_journaled_before_docking_goal_is_sent(story):
     assert order == ["cancel", "DOCKING", "dock"], "and navigation has no goal of its own meanwhile"
 
 
+@pytest.mark.parametrize("where", ["drives", "waits"])
+def test_a_passenger_undocked_by_hand_pauses_the_ride_for_a_person(story, where):
+    story.attach().start({"wait": 60.0}, "park").at(1.0, speed=0.5).tick()
+    if where == "waits":
+        assert story.reach(2.0).state is State.WAITING
+    story.attach(False)
+    assert (story.state, story.goal, "undocked" in story.status.reason) == (State.PAUSED, None, True)
+    assert story.tick(90.0).state is State.PAUSED
+    assert story.command(ev.RESUME).state is State.RUNNING
+
+
 @pytest.mark.parametrize(("dock", "stayed"), [("docking", "false"), ("undocking", "true")])
 def test_a_success_needs_the_passenger_as_well(dock, stayed, request):
     story = request.getfixturevalue(dock)
