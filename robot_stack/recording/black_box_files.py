@@ -31,7 +31,7 @@ from robot_stack.recording.writer import BagFile, Format, definitions
 
 _FAILED = (OSError, McapError)
 _NAME = re.compile(r"black_box_(\d{6,})\.mcap")
-# The triggers that a record lists: a chattering fault must not make it grow with each message.
+# The triggers that a record lists, or that wait for a disk that refuses: a chattering fault must not make them grow.
 _TRIGGERS_MAX = 100
 _RETRY_S = 5.0
 _RETENTION_PERIOD_S = 10.0
@@ -121,7 +121,7 @@ class BlackBox:
 
     def trigger(self, reasons: Sequence[str]) -> None:
         """Begins or extends an event, if there is any reason; may be called from any thread."""
-        if reasons:
+        if reasons and len(self._triggers) < _TRIGGERS_MAX:
             self._triggers.append(Trigger(at_s=self._system_s(), ros_s=self._ros_s(), reasons=tuple(reasons)))
 
     def write(self, topic: str, log_ns: int, publish_ns: int, data: bytes) -> None:

@@ -12,6 +12,7 @@ import tarfile
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -135,10 +136,16 @@ def test_two_events_of_one_second_have_two_names(rig: Rig) -> None:
     assert f"{event.id}-2" in [item.id for item in read_events(rig.events)]
 
 
-def test_a_chattering_fault_does_not_make_the_record_grow(rig: Rig) -> None:
-    for _ in range(250):
-        rig.box.trigger(("COLLISION_IMMINENT",))
-        rig.run(0.5)
+@pytest.mark.parametrize("refused", [False, True])
+def test_a_chattering_fault_does_not_make_the_record_grow(
+    rig: Rig, monkeypatch: pytest.MonkeyPatch, refused: bool
+) -> None:
+    with monkeypatch.context() as full:
+        if refused:
+            full.setattr(kept_events, "write_record", Mock(side_effect=OSError(errno.ENOSPC, "No space left")))
+        for _ in range(250):
+            rig.box.trigger(("COLLISION_IMMINENT",))
+            rig.run(0.5)
     rig.run(20.0)
     (event,) = read_events(rig.events)
     assert len(event.triggers) == 100
