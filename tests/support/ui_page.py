@@ -83,7 +83,7 @@ class WebPage:
             case "answer":
                 self.answers[message["id"]] = message
             case "refused":
-                self.refused.append(message["why"])
+                self.refused.append(message["detail"])
 
     def _beat(self) -> None:
         with suppress(ConnectionClosed):

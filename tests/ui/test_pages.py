@@ -59,10 +59,10 @@ def test_a_ride_from_the_first_touch_to_the_end(page: Any, robot: StandInRobot) 
     robot.say_ride(last_command="", last_command_accepted=False, reason="")
 
 
-def test_a_message_that_is_refused_is_answered(page: Any) -> None:
+def test_a_message_that_is_invalid_is_answered(page: Any) -> None:
     answer = page.evaluate("window.touchUi.link.ask({ t: 'start', mission: 3 })")
-    assert (answer["t"], answer.get("ok")) == ("refused", None)
-    assert answer["why"].startswith("start.mission: ")
+    assert (answer["t"], answer.get("ok"), answer["why"]) == ("refused", None, "answer.invalid")
+    assert answer["detail"].startswith("start.mission: ")
 
 
 def test_language_and_settings_change_at_once_and_stay_on_this_screen(page: Any, robot: StandInRobot, url: str) -> None:

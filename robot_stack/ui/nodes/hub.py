@@ -29,6 +29,7 @@ PAD_PERIOD_S = 0.05
 REFUSED_MAX = 20
 _FLOOD_MAX = 200
 WRONG_PIN = "answer.wrong_pin"
+INVALID = "answer.invalid"
 
 
 class Robot(Protocol):
@@ -112,7 +113,7 @@ class Hub:
             )
         except p.Refused as refused:
             page.refused += 1
-            self._say(page, {"t": "refused", "id": refused.id, "why": str(refused)})
+            self._say(page, {"t": "refused", "id": refused.id, "why": INVALID, "detail": str(refused)})
             return page.refused < REFUSED_MAX
         held_by_staff = self._sections.get("queue", {}).get("held_by") == HeldBy.STAFF.name
         ruling = self._desk.take(page.number, message, now_s, held_by_staff=held_by_staff)
