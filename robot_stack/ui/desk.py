@@ -19,7 +19,7 @@ NEEDS_STAFF, PAD_BUSY, NO_PIN_SET, WAIT, SLOW_DOWN = (
 )
 _EDITS = (p.CheckMission, p.SaveMission, p.DeleteMission, p.SaveZone, p.DeleteZone)
 _ORDERS = (p.AddOrder, p.ChangeOrder)
-_STAFF_ONLY = (p.Reset, p.ClearStop, p.Pad, p.Pose, p.Goal, p.CancelGoal, p.SelfTest, *_ORDERS, *_EDITS)
+_STAFF_ONLY = (p.Reset, p.ClearStop, p.Pad, p.Pose, p.Goal, p.CancelGoal, p.Undock, p.SelfTest, *_ORDERS, *_EDITS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -122,7 +122,7 @@ def named(message: p.ClientMessage) -> str:
             return f"{'change destination to' if message.now else 'order'} {message.mission}"
         case p.ChangeOrder():
             return f"{message.t.replace('_', ' ')} {message.order}"
-        case p.Ride() | p.Queue() | p.Logout() | p.CancelGoal() | p.Reset():
+        case p.Ride() | p.Queue() | p.Logout() | p.CancelGoal() | p.Reset() | p.Undock():
             return message.t.replace("_", " ")
         case p.Pose() | p.Goal():
             return f"{message.t} {message.x:.2f} {message.y:.2f} {message.yaw:.3f}"

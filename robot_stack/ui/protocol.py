@@ -183,6 +183,12 @@ class CancelGoal(Message):
     t: Literal["cancel_goal"]
 
 
+class Undock(Message):
+    """Open the latch and leave the wheelchair, or leave the station or charger."""
+
+    t: Literal["undock"]
+
+
 class CallStaff(Message):
     """A rider calls staff (on), or staff have arrived (off)."""
 
@@ -259,6 +265,7 @@ ClientMessage = Annotated[
     | Pose
     | Goal
     | CancelGoal
+    | Undock
     | CallStaff
     | CheckMission
     | SaveMission

@@ -1,4 +1,4 @@
-"""Requests of a page to the safety monitor (release, clearing an absent stop source) and to the mission manager."""
+"""Requests of a page to the safety monitor (release, clearing an absent stop source), mission manager and docking."""
 
 from __future__ import annotations
 
@@ -7,7 +7,11 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+from custom_msgs.action import Undock
+from robot_stack.contract import actions
 from robot_stack.contract.model import Service
+from robot_stack.core.goals import GoalStatus
+from robot_stack.middleware.goal_client import GoalClient
 from robot_stack.middleware.interfaces import interface_class
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.timers import NodeTimer
@@ -28,6 +32,7 @@ class Refusals:
 
 NO_MONITOR, REFUSED, BUSY = "answer.no_monitor", "answer.reset_refused", "answer.reset_busy"
 NO_MISSIONS, QUEUE_REFUSED, QUEUE_BUSY = "answer.no_missions", "answer.queue_refused", "answer.queue_busy"
+NO_DOCKING, UNDOCK_FAILED, UNDOCK_BUSY = "answer.no_docking", "answer.undock_failed", "answer.undock_busy"
 RESET_REFUSALS = Refusals(NO_MONITOR, REFUSED, BUSY)
 QUEUE_REFUSALS = Refusals(NO_MISSIONS, QUEUE_REFUSED, QUEUE_BUSY)
 
@@ -92,3 +97,46 @@ class OperatorRequest:
         self._timers = []
         if answer is not None:
             answer(granted, why, detail)
+
+
+class UndockRequest:
+    """One at a time. Every path responds exactly once, at the end of the undocking."""
+
+    # The docking controller publishes feedback at 10 Hz; without any for this time it is asked for the goal.
+    _SILENCE_S = 1.0
+
+    def __init__(self, node: StackNode) -> None:
+        self._client = GoalClient(node, actions.UNDOCK, self)
+        self._answer: Answer | None = None
+        self._call = 0
+
+    def ask(self, answer: Answer) -> None:
+        if self._answer is not None:
+            answer(False, UNDOCK_BUSY, "")
+        elif not self._client.served():
+            answer(False, NO_DOCKING, "")
+        else:
+            self._answer = answer
+            self._call += 1
+            self._client.start(self._call, Undock.Goal())
+
+    def poll(self) -> None:
+        """Call regularly: ends a request whose server is gone."""
+        self._client.find_lost(self._SILENCE_S)
+
+    def accepted(self, call: int) -> None:
+        """A goal that is not accepted in time ends as UNKNOWN."""
+
+    def feedback(self, call: int, feedback: Any) -> None:
+        """Pages show /docking/status."""
+
+    def ended(self, call: int, status: GoalStatus, result: Any) -> None:
+        answer, self._answer = self._answer, None
+        if answer is None:
+            return
+        if status in (GoalStatus.UNKNOWN, GoalStatus.REJECTED):
+            answer(False, NO_DOCKING, "")
+        elif result.success:
+            answer(True, "", "")
+        else:
+            answer(False, UNDOCK_FAILED, result.reason)

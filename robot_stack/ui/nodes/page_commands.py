@@ -15,7 +15,7 @@ from robot_stack.ui import protocol as p
 from robot_stack.ui.desk import named
 from robot_stack.ui.nodes.audit_file import AuditFile
 from robot_stack.ui.nodes.mission_files import MissionFiles
-from robot_stack.ui.nodes.operator_requests import QUEUE_REFUSALS, Answer, OperatorRequest
+from robot_stack.ui.nodes.operator_requests import QUEUE_REFUSALS, Answer, OperatorRequest, UndockRequest
 from robot_stack.ui.nodes.outputs import Outputs
 from robot_stack.ui.nodes.pages import Pages
 from robot_stack.ui.nodes.self_test import GuidedSelfTest
@@ -45,7 +45,12 @@ class PageCommands:
         self._reset = OperatorRequest(node, reset, services.SAFETY_RESET, reset.tries)
         self._clear = OperatorRequest(node, reset, services.CLEAR_EMERGENCY_STOP, 1)
         self._queue = OperatorRequest(node, reset, services.EDIT_MISSION_QUEUE, 1, QUEUE_REFUSALS)
+        self._undock = UndockRequest(node)
         self._node = node
+
+    def poll(self) -> None:
+        """Call regularly."""
+        self._undock.poll()
 
     def carry_out(self, client: int, message: p.ClientMessage) -> None:
         match message:
@@ -59,6 +64,9 @@ class PageCommands:
             case p.AddOrder() | p.ChangeOrder() | p.Queue():
                 wanted = queue_request(message, f"screen_{uuid.uuid4().hex[:8]}", self._node.now_s())
                 self._queue.ask(self._answer_of_server(client, message), **_queue_fields(wanted))
+                return
+            case p.Undock():
+                self._undock.ask(self._answer_of_server(client, message))
                 return
             case p.CheckMission() | p.SaveMission() | p.DeleteMission():
                 self._edit(client, message)

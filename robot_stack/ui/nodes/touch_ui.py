@@ -56,6 +56,7 @@ class TouchUiNode(StackNode):
         self.every_real(pages.state_hz, self._pages.show)
         self.every_real(_DIAGNOSTICS_HZ, self._pages.show_diagnostics)
         self.every_real(_SLOW_HZ, self._pages.show_files)
+        self.every_real(_SLOW_HZ, self._commands.poll)
         self.every(topics.UI_HEARTBEAT.nominal_rate_hz, self._beat)
         self._beat()
 

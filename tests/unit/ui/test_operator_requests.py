@@ -8,7 +8,14 @@ from typing import Any, cast
 
 from robot_stack.contract import services
 from robot_stack.middleware.node import StackNode
-from robot_stack.ui.nodes.operator_requests import NO_MISSIONS, QUEUE_REFUSALS, OperatorRequest
+from robot_stack.ui.nodes.operator_requests import (
+    NO_DOCKING,
+    NO_MISSIONS,
+    QUEUE_REFUSALS,
+    UNDOCK_BUSY,
+    OperatorRequest,
+    UndockRequest,
+)
 from robot_stack.ui.params import ResetParams
 
 PARAMS = ResetParams(tries=1, pause_s=0.05, timeout_s=3.0)
@@ -57,3 +64,25 @@ def test_a_late_response_is_not_the_answer_to_the_next_request() -> None:
     assert sent.operation == 3
     answer(SimpleNamespace(success=True, message="held"))
     assert answers[1:] == [(3, True, "", "held")]
+
+
+def test_every_undocking_is_answered_also_without_a_server() -> None:
+    ready, now_s, answers = [False], [0.0], []
+    client = SimpleNamespace(server_is_ready=lambda: ready[0], send_goal=lambda *_: SimpleNamespace())
+    request = UndockRequest(cast(StackNode, SimpleNamespace(action_client=lambda _: client, steady_s=lambda: now_s[0])))
+
+    def ask(number: int) -> None:
+        request.ask(lambda granted, why, _: answers.append((number, granted, why)))
+
+    ask(1)
+    assert answers == [(1, False, NO_DOCKING)]
+    ready[0] = True
+    ask(2)
+    ask(3)
+    assert answers[1:] == [(3, False, UNDOCK_BUSY)]
+    request.poll()
+    now_s[0] = 3.0  # the goal was lost
+    request.poll()
+    assert answers[2:] == [(2, False, NO_DOCKING)]
+    ask(4)
+    assert len(answers) == 3

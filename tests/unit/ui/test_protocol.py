@@ -37,6 +37,7 @@ GOOD: tuple[tuple[dict[str, Any], type], ...] = (
     ({"t": "pose", "x": 1.0, "y": 2, "yaw": -3.1}, p.Pose),
     ({"t": "goal", "x": 1.0, "y": 2, "yaw": 0}, p.Goal),
     ({"t": "cancel_goal"}, p.CancelGoal),
+    ({"t": "undock"}, p.Undock),
     ({"t": "call", "on": True}, p.CallStaff),
     (
         {"t": "mission_check", "mission": {"id": "tour", "waypoints": [{"x": 1.5, "action": {"wait": 5}}]}},

@@ -28,7 +28,21 @@ async function drawImage(canvas, data, camera, markers) {
   bitmap.close();
 }
 
-export function DockingPage({ link, state }) {
+function Undocking({ link, say }) {
+  const [asked, setAsked] = useState(false);
+  const undock = async () => {
+    setAsked(false);
+    say(await link.ask({ t: "undock" }));
+  };
+  if (!asked) return html`<div class="tools"><button id="undock" onClick=${() => setAsked(true)}>${t("docking.undock")}</button></div>`;
+  return html`<div class="tools" role="alertdialog" aria-label=${t("docking.undock")}>
+    <strong>${t("docking.undock_sure")}</strong>
+    <button class="danger" id="undock-yes" onClick=${undock}>${t("docking.undock")}</button>
+    <button onClick=${() => setAsked(false)}>${t("app.cancel")}</button>
+  </div>`;
+}
+
+export function DockingPage({ link, state, say }) {
   const canvas = useRef(null);
   const [camera, setCamera] = useState("front");
   useEffect(() => {
@@ -56,6 +70,7 @@ export function DockingPage({ link, state }) {
           <button id=${`camera-${name}`} aria-pressed=${camera === name} onClick=${() => setCamera(name)}>${t(`docking.${name}`)}</button>`)}
       </div>
     </div>
+    ${(docking.state === "DOCKED" || state.ride?.passenger) && html`<${Undocking} link=${link} say=${say} />`}
     <div class="docking-view">
       <canvas ref=${canvas} id="camera" width="640" height="360" role="img" aria-label=${t("docking.image")}></canvas>
       <dl>${rows.map(([key, text]) => html`<div><dt>${t(key)}</dt><dd>${text}</dd></div>`)}</dl>
