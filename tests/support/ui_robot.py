@@ -227,9 +227,11 @@ class StandInRobot:
             order = orders.pop(place)
             if operation == request.MOVE:
                 orders.insert(place + request.steps, order)
-        elif operation == request.REPLACE:
+        elif operation == request.REPLACE and self.ride.state == "PAUSED":
             response.message = "no change of destination while the mission is PAUSED"
             return response
+        elif operation == request.REPLACE:
+            self.say_ride(mission_id=request.order.mission_id, reason="")
         else:
             self.queue.held_by = MissionQueue.NOTHING if operation == request.RELEASE else MissionQueue.STAFF
             self.queue.reason = "queue held: held by a person" if self.queue.held_by else ""

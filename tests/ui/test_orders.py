@@ -61,8 +61,8 @@ def test_staff_order_move_remove_and_release(page: Any, robot: StandInRobot) -> 
     until(page, "document.querySelector('#history')?.textContent.includes('order yard_tour: answered')")
 
 
-def test_a_ride_s_destination_is_changed_and_a_refusal_is_shown(page: Any, robot: StandInRobot) -> None:
-    robot.say_ride(state="RUNNING", mission_id="site_ride", current_waypoint="south way")
+def test_a_refused_change_of_destination_is_shown(page: Any, robot: StandInRobot) -> None:
+    robot.say_ride(state="PAUSED", mission_id="site_ride", current_waypoint="south way")
     unlock(page)
     page.click('[data-nav="missions"]')
     order(page, "yard_tour", "now")

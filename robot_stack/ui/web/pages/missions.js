@@ -5,7 +5,7 @@ import { languageNow, t } from "/i18n.js";
 import { MissionEditor } from "/pages/mission_editor.js";
 import { OrderOptions, OrderQueue, newOrder } from "/pages/orders.js";
 import { poseOf } from "/map_draw.js";
-import { Refused } from "/pages/rider.js";
+import { Refused, RideReason } from "/pages/rider.js";
 
 // What is being edited outlives a look at another page, and a session that ended.
 const kept = { edit: null };
@@ -60,6 +60,7 @@ export function MissionsPage({ link, state, say }) {
       <h2>${t("missions.title")}</h2>
       <button class="primary" id="new-mission" onClick=${() => setEdit(newEdit(state))}>${t("missions.new")}</button>
     </div>
+    <${RideReason} state=${state} />
     <${Refused} state=${state} commands=${["START_MISSION"]} />
     <${OrderQueue} link=${link} state=${state} say=${say} />
     <p>${t("missions.hint", { folder: data.folder })}</p>

@@ -79,6 +79,7 @@ function Ride({ link, state, say }) {
     </p>
     <${Refused} state=${state} commands=${["PAUSE", "RESUME", "ABORT"]} />
     <${Reasons} state=${state} />
+    <${RideReason} state=${state} />
     ${ending
       ? html`<div class="sure" role="alertdialog" aria-label=${t("rider.abort")}>
           <p class="large">${t("rider.abort_sure")}</p>
@@ -104,6 +105,13 @@ export function Refused({ state, commands }) {
   return html`<p class="notice bad" role="status">${t("rider.not_accepted")} <span lang="en">${ride.reason}</span></p>`;
 }
 
+// The mission manager's own words: why the ride stands, or how it ended. After a refused command they are the refusal.
+export function RideReason({ state }) {
+  const ride = state.ride;
+  if (!ride?.reason || (ride.last_command && ride.accepted === false)) return null;
+  return html`<p class="code" data-why lang="en">${ride.reason}</p>`;
+}
+
 const ENDS = { COMPLETED: "rider.completed", ABORTED: "rider.aborted", FAILED: "rider.failed" };
 
 function Destinations({ link, state, say }) {
@@ -114,6 +122,7 @@ function Destinations({ link, state, say }) {
   const ended = ENDS[state.ride?.state];
   return html`<section class="page rider" data-page="destinations">
     ${ended && html`<p class="notice" data-end=${state.ride.state}>${t(ended)}</p>`}
+    <${RideReason} state=${state} />
     <${Refused} state=${state} commands=${["START_MISSION"]} />
     <h2>${t("rider.where")}</h2>
     <p class="large">${missions.length ? t("rider.choose") : t("rider.no_destinations")}</p>
