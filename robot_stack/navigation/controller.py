@@ -32,6 +32,7 @@ from robot_stack.navigation.params import NavigationParams
 from robot_stack.navigation.path import Path, path_of
 from robot_stack.navigation.plan import plan_motion, plan_stop
 from robot_stack.navigation.pose_source import Located
+from robot_stack.navigation.progress_checker import ProgressChecker
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteSolver
 from robot_stack.navigation.states import NavigationState, Trigger, target_of
 from robot_stack.navigation.tracker import (
@@ -145,6 +146,8 @@ class NavigationController:
         self.around = WorldModel(params, grid, zones, lanes)
         solver = RouteSolver(params.planner, self.around.grid, lanes)
         self._follower = RouteFollower(params, self.around, routes(solver))
+        self._progress_checker = ProgressChecker(params.follow.give_up_s)
+        self._checked_goal: Pose2 | None = None
         self._unreachable: _Unreachable | None = None
         self._narrow_mps = math.inf
         self._now_s = 0.0
@@ -177,6 +180,8 @@ class NavigationController:
     def take_end(self) -> GoalEnd | None:
         """How the newest goal ended, once, unless an output had it. A goal that another one replaces has no end."""
         end, self._end = self._end, None
+        if end is not None and end.outcome is not GoalStatus.CANCELED:
+            self._checked_goal = None
         return end
 
     # --- events ------------------------------------------------------------------------------------------------------
@@ -242,6 +247,7 @@ class NavigationController:
         self._departure.elapse(None if located is None else located.twist, dt_s)
         if situation.emergency_stop:
             self.stop()
+        self._check_progress(dt_s)
         obstacle = self._obstacle(situation)
         if obstacle and self._state is not NavigationState.IDLE:
             self._hold(obstacle)
@@ -252,6 +258,15 @@ class NavigationController:
             output = self._set_out(located, dt_s)
         self._twist = output.twist if output.twist.is_finite() else ZERO_TWIST
         return replace(output, twist=self._twist, end=self.take_end())
+
+    def _check_progress(self, dt_s: float) -> None:
+        """Ends the goal if the robot does not follow its commands."""
+        if self._goal is None or self._located is None:
+            return
+        pose = self._located.pose
+        if self._progress_checker.is_stalled(pose, self._twist, dt_s):
+            text = f"gave up at ({pose.x:.1f}, {pose.y:.1f}): the robot does not move as commanded"
+            self._withdraw(GoalEnd(GoalStatus.ABORTED, text, GoalCode.FAILED_TO_MAKE_PROGRESS))
 
     # --- one tick, by state ------------------------------------------------------------------------------------------
 
@@ -312,7 +327,9 @@ class NavigationController:
             start, soon = self._trajectory.at(0.0), self._trajectory.at(t.start_ahead_s)
             self._starting = not begun(start, soon, located.pose, t) and self._since_plan_s < t.start_timeout_s
             return 1.0
-        rate = waiting_rate(self._trajectory.at(self._elapsed_s), located.pose, t)
+        rate = 1.0  # a robot that is held back comes to rest too
+        if self._state is NavigationState.DRIVING:
+            rate = waiting_rate(self._trajectory.at(self._elapsed_s), located.pose, t)
         self._elapsed_s += rate * dt_s
         return rate
 
@@ -440,6 +457,10 @@ class NavigationController:
             return
         start = self._present(located)
         self._goal, self._follower.recoveries = goal, 0
+        # A client may withdraw its goal and send it again after a warning: that is no progress.
+        if self._checked_goal is None or not _same(goal, self._checked_goal):
+            self._progress_checker.reset()
+        self._checked_goal = goal
         if self._state is NavigationState.HELD or start is None or self._limits() is None:
             self._hold("waiting to drive to the goal")
             self.path = _straight(goal, located)
@@ -517,16 +538,13 @@ class NavigationController:
 
     def _withdraw(self, end: GoalEnd) -> None:
         self._end = end
-        limits = self._limits()
-        running = self._state is NavigationState.DRIVING and self._trajectory is not None
-        now = self._trajectory.at(self._elapsed_s) if running and self._trajectory is not None else None
-        if self._state is NavigationState.FOLLOWING and self._located is not None:
-            now = moving(self._located.pose, self._twist)
+        limits, located = self._limits(), self._located
+        moves = self._state in (NavigationState.DRIVING, NavigationState.FOLLOWING) and self._twist != ZERO_TWIST
         self._goal = None
         self._follower.forget(withdrawn=True)
-        if now is not None and limits is not None:
+        if moves and located is not None and limits is not None:
             self._enter(Trigger.WITHDRAWN_MOVING)
-            self._run(plan_stop(now, limits.cruise), end.text)
+            self._run(plan_stop(moving(located.pose, self._twist), limits.cruise), end.text)
         elif self._state is not NavigationState.BRAKING:
             self._finish(Trigger.WITHDRAWN, end.text)
 

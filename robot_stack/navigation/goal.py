@@ -23,6 +23,7 @@ class GoalCode(IntEnum):
     NONE = 0
     STOPPED = 100  # FollowPath.UNKNOWN: an emergency stop
     PATIENCE_EXCEEDED = 104  # FollowPath: obstacles blocked every path for too long
+    FAILED_TO_MAKE_PROGRESS = 105  # FollowPath: the robot does not follow its commands
     INVALID = 200  # ComputePathToPose.UNKNOWN: a field of the goal is out of its range
     TF_ERROR = 202  # ComputePathToPose: the goal is not in the map frame
     GOAL_OUTSIDE_MAP = 204  # ComputePathToPose

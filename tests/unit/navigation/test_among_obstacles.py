@@ -236,6 +236,17 @@ def test_only_way_blocked_waits_then_gives_up_with_the_reason(goal: Pose2, again
     assert min(story.clearances) > 0.15
 
 
+def test_goal_of_a_robot_that_is_held_beside_a_route_ends() -> None:
+    story = Story(box(8.0, 8.6, 4.5, 5.5), corridor())
+    story.go(Pose2(14.0, 5.0, 0.0))
+    story.until(lambda output: output.state is NavigationState.FOLLOWING and story.drive.twist.speed() > 0.5)
+    story.drive.blocked = True
+    output = story.until(lambda output: output.end is not None, 30.0)
+    assert output.end is not None
+    assert output.end.code is GoalCode.FAILED_TO_MAKE_PROGRESS
+    story.until(lambda output: output.state is NavigationState.IDLE, 3.0)
+
+
 def test_short_stops_do_not_extend_the_wait_for_a_closed_path() -> None:
     story = Story(closing(12.0, left_open=False), two_gates())
     story.go(Pose2(13.0, 5.0, 0.0))

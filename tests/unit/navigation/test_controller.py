@@ -231,6 +231,40 @@ def test_held_back_drive_does_not_wind_up() -> None:
     story.until_reached()
 
 
+@pytest.mark.parametrize("held_from_s", [0.0, 4.0], ids=["from rest", "while driving"])
+def test_goal_of_a_robot_that_does_not_follow_its_commands_ends(held_from_s: float) -> None:
+    story = ride()
+    story.go(Pose2(8.0, 0.0, 0.0))
+    story.run(held_from_s)
+    story.drive.blocked = True
+    story.run(8.0)
+    story.controller.set_speed_limit(SpeedLimit(0.0, 0.0))
+    story.run(20.0)
+    assert story.outputs[-1].state is NavigationState.HELD, "a stop is no lack of progress"
+    story.controller.set_speed_limit(SpeedLimit(math.inf, math.inf))
+    story.controller.cancel()
+    story.go(Pose2(8.0, 0.0, 0.0))  # as a client that warns first
+    story.run(9.0)
+    ends = [output.end for output in story.outputs if output.end is not None and output.end.aborted]
+    assert [end.code for end in ends] == [GoalCode.FAILED_TO_MAKE_PROGRESS]
+    assert (story.outputs[-1].state, story.outputs[-1].twist) == (NavigationState.IDLE, ZERO_TWIST)
+    story.drive.blocked = False
+    story.go(Pose2(8.0, 0.0, 0.0))
+    story.until_reached()
+
+
+def test_cancelled_goal_of_a_robot_that_is_held_back_leaves_no_command() -> None:
+    story = ride()
+    story.go(Pose2(8.0, 0.0, 0.0))
+    story.run(4.0)
+    story.drive.blocked = True
+    story.run(2.0)
+    story.controller.cancel()
+    assert story.tick().twist.speed() <= 0.16, "not the speed at which the plan waits"
+    story.run(3.0)
+    assert (story.outputs[-1].state, story.outputs[-1].twist) == (NavigationState.IDLE, ZERO_TWIST)
+
+
 def test_plan_begins_when_the_robot_does() -> None:
     story = ride()
     story.drive.blocked = True  # as while the wheels steer

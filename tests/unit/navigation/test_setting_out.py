@@ -12,7 +12,7 @@ from robot_stack.core.geometry import ZERO_TWIST, Pose2
 from robot_stack.core.limits import NO_LIMIT, SpeedLimit
 from robot_stack.navigation.states import NavigationState
 from tests.unit.navigation.plant import Ride, ride
-from tests.unit.navigation.test_among_obstacles import Story, corridor
+from tests.unit.navigation.test_among_obstacles import Story, box, corridor
 
 GOAL = Pose2(1.0, 0.0, 0.0)
 PARAMS = load(DepartureParams, "departure")
@@ -84,6 +84,17 @@ def test_new_goal_during_the_warning_continues_it_but_not_after_a_cancel(stood: 
     assert warned_s(stood) == pytest.approx(PARAMS.warning_s - 1.0, abs=0.16)
     stood.until_reached()
     assert stood.drive.pose.distance_to(Pose2(0.0, 1.0, 0.0)) < 0.05
+
+
+def test_goal_cancelled_during_the_warning_before_a_route_ends_the_warning() -> None:
+    story = Story(box(6.5, 7.5, 4.3, 5.7), corridor())
+    story.controller._departure = Departure(PARAMS)
+    story.go(Pose2(12.0, 5.0, 0.0))
+    story.until(lambda output: output.text == SETTING_OUT and output.state is NavigationState.FOLLOWING, 5.0)
+    story.controller.cancel()
+    output = story.tick()
+    assert (output.state, output.text) == (NavigationState.IDLE, "goal cancelled")
+    assert story.controller._departure.remaining_s is None
 
 
 def test_robot_held_for_long_warns_before_it_continues(stood: Ride) -> None:
