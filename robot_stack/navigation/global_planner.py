@@ -48,9 +48,10 @@ _FLOOD_CELLS = 20_000
 
 @dataclass(frozen=True, slots=True)
 class NoWay:
-    """reason: why there is no way, for people."""
+    """reason: why there is no way, for people. tight: the first point found too narrow for the footprint, map."""
 
     reason: str
+    tight: tuple[float, float] | None = None
 
 
 def goal_problem(grid: PlanningGrid, footprint: Footprint, goal: Pose2, params: PlannerParams) -> Refusal | None:
@@ -106,13 +107,19 @@ class GlobalPlanner:
                 return NoWay("cancelled")
             points = self._points(start, goal, footprint, closed)
             if points is None:
-                return NoWay(problem or f"no path from ({start.x:.1f}, {start.y:.1f}) to ({goal.x:.1f}, {goal.y:.1f})")
+                problem = problem or f"no path from ({start.x:.1f}, {start.y:.1f}) to ({goal.x:.1f}, {goal.y:.1f})"
+                return NoWay(problem, closed[0] if closed else None)
             route, tight = self._turned(points, start, goal, footprint)
             if route is not None:
                 return route
             closed.append((float(tight[0]), float(tight[1])))
             problem = f"too narrow for the footprint at ({tight[0]:.1f}, {tight[1]:.1f})"
-        return NoWay(problem)
+        return NoWay(problem, closed[0])
+
+    def has_positions(self, start: Pose2, goal: Pose2, footprint: Footprint) -> bool:
+        """Whether there is a way for the narrowest outline of the footprint, whatever its headings."""
+        inside = all(self.grid.contains(pose.x, pose.y) for pose in (start, goal))
+        return inside and self._points(start, goal, footprint, []) is not None
 
     # --- positions ---------------------------------------------------------------------------------------------------
 

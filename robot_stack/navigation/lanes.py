@@ -21,6 +21,7 @@ from robot_stack.core.distance_field import clearance_field
 from robot_stack.core.route_graph import GRAPH_FILE, RouteGraph
 from robot_stack.core.zones import SLOWEST_MPS, Zone, ZoneType
 from robot_stack.navigation.params import GraphParams
+from robot_stack.navigation.path import Path
 from robot_stack.navigation.planning_grid import FAR_M, PlanningGrid
 
 Array = npt.NDArray[np.float64]
@@ -164,6 +165,11 @@ class Lanes:
         """As ``guide``, of one lane alone, with its ends' surroundings."""
         away_m = _away_m(grid, [piece])
         return np.where(away_m <= self._params.band_m, 0.0, -1.0).astype(np.float32)
+
+    def entered(self, route: LaneRoute, at: tuple[float, float]) -> set[int]:
+        """The lane of a route that a robot drives on, or turns into, at a point: the last whose band contains it."""
+        near = [lane for lane, piece in route.pieces() if abs(Path(piece).project(*at)[1]) <= self._params.band_m]
+        return set(near[-1:])
 
     def _at(self, lane: int, share: float) -> Array:
         return np.asarray(self.starts[lane] + share * (self.ends[lane] - self.starts[lane]))

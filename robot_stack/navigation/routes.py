@@ -102,12 +102,16 @@ class RouteSolver:
             found = planner.plan(question.start, question.goal, question.footprint)
             if isinstance(found, Path):
                 return found
-            # If each lane is passable alone, the way to the first or from the last one is not.
-            closed |= self._blocked(grid, question, route, stop) or {int(route.lanes[0]), int(route.lanes[-1])}
+            blocked = self._blocked(grid, question, route, stop)
+            if not blocked and found.tight is not None:
+                blocked = self._lanes.entered(route, found.tight)
+            # If each lane is passable, the way to the first or from the last one is not.
+            closed |= blocked or {int(route.lanes[0]), int(route.lanes[-1])}
         return None
 
     def _blocked(self, grid: PlanningGrid, question: RouteRequest, route: LaneRoute, stop: CancelFlag) -> set[int]:
-        """The lanes of a route, which has no way, that leave none by themselves."""
+        """The lanes of a route, which has no way, that leave none by themselves. Headings are not judged: those at the
+        ends of a lane depend on the next one."""
         assert self._lanes is not None
         blocked = set()
         for lane, (a, b) in route.pieces():
@@ -115,11 +119,9 @@ class RouteSolver:
                 break
             if math.dist(a, b) < grid.resolution_m:
                 continue
-            yaw = math.atan2(b[1] - a[1], b[0] - a[0])
             planner = GlobalPlanner(grid, self._params, stop, guide=self._lanes.piece_guide(grid, np.array([a, b])))
-            start, goal = (Pose2(float(x), float(y), yaw) for x, y in (a, b))
-            found = planner.plan(start, goal, question.footprint)
-            if isinstance(found, NoWay):
+            start, goal = (Pose2(float(x), float(y), 0.0) for x, y in (a, b))
+            if not planner.has_positions(start, goal, question.footprint):
                 blocked.add(lane)
         return blocked
 

@@ -188,6 +188,53 @@ def test_another_route_over_the_graph_is_taken_around_a_blocked_lane() -> None:
     assert np.abs(at_middle[(at_middle[:, 0] > 10.0) & (at_middle[:, 0] < 20.0), 0] - 15.0).max() < 0.3
 
 
+# East along y = 4, north along x = 26, and from (26, 10) either on to the north or around by the west.
+CORNER = np.array([(4.0, 4.0), (26.0, 4.0), (26.0, 10.0), (26.0, 16.0), (14.0, 10.0), (14.0, 16.0)])
+
+
+def around_the_corner(wall_m: float, seen: Array, ahead_m: float = math.nan) -> Array:
+    """(n, 2) route of a chair from the first node to the north. wall_m: from x = 26 to the wall in the east.
+
+    ahead_m: cost of the lane north of (26, 10).
+    """
+    edges = np.array([(0, 1), (1, 2), (2, 3), (2, 4), (4, 5), (5, 3)])
+    cost_m = np.where(np.arange(6) == 2, ahead_m, math.nan)
+    graph = RouteGraph(CORNER, edges, np.arange(6), cost_m, np.full(6, np.inf), np.ones(6))
+    cells = hall().occupancy[:, : round((26.0 + wall_m) / 0.1)].copy()
+    cells[:, -1] = OCCUPIED
+    solver = RouteSolver(params().planner, PlanningGrid(Grid(0.1, 0.0, 0.0, cells)), lanes_of(graph))
+    request = RouteRequest(Pose2(4.0, 4.0, 0.0), Pose2(26.0, 15.5, 0.5 * math.pi), ROBOT.footprint_with_chair, seen)
+    answer = solver.solve(request, CancelFlag())
+    assert isinstance(answer.route, Path)
+    return np.asarray(answer.route.poses[:, :2])
+
+
+def passes(route: Array, node: int) -> bool:
+    return bool(np.hypot(*(route - CORNER[node]).T).min() < 1.0)
+
+
+@pytest.mark.parametrize("wall_m", [1.0, 3.0])
+def test_lanes_that_meet_in_a_corner_are_not_excluded_with_the_blocked_one(wall_m: float) -> None:
+    """Whatever room the wall behind the corner leaves to a chair that enters it ahead."""
+    route = around_the_corner(wall_m, wall(23.0, 29.0, 13.0, 13.2))
+    assert [passes(route, node) for node in (1, 2, 4, 5)] == [True] * 4
+
+
+def test_a_lane_that_a_chair_cannot_turn_into_is_excluded_alone() -> None:
+    """Walls on both sides of the lane west of (26, 10) leave room to a chair that need not turn."""
+    beside = np.concatenate((wall(22.0, 25.3, 9.2, 9.4), wall(22.0, 25.3, 10.6, 10.8)))
+    route = around_the_corner(1.0, beside, ahead_m=100.0)
+    assert [passes(route, node) for node in (1, 2, 4)] == [True, True, False]
+
+
+def test_a_lane_that_leaves_the_map_is_excluded() -> None:
+    points = np.array([(15.0, 4.0), (15.0, 25.0), (26.0, 16.0), (26.0, 4.0)])
+    edges = np.array([(0, 1), (1, 2), (0, 3), (3, 2)])
+    graph = RouteGraph(points, edges, np.arange(4), np.array([1.0, 1.0, 90.0, 90.0]), np.full(4, np.inf), np.ones(4))
+    route = solved(Pose2(15.0, 4.0, 0.0), Pose2(26.0, 15.0, 0.0), graph)
+    assert np.hypot(*(route - points[3]).T).min() < 1.0
+
+
 def test_a_route_leaves_the_lanes_if_the_graph_has_no_other() -> None:
     route = solved(WEST, EAST, graph_of(((0, 1), (1, 2))), wall(20.0, 20.5, 1.0, 7.0))
     assert route[-1].tolist() == [27.0, 10.0]
