@@ -40,7 +40,8 @@ class NavigationGoals:
         return self._goal is not None and self._goal.is_active
 
     def _on_goal(self, goal: ActionGoal) -> None:
-        """A goal that asks for a behaviour tree is aborted, as in Nav2 one whose file does not exist."""
+        """A goal that asks for a behaviour tree is aborted, and the previous one continues, as in Nav2: it does not
+        preempt a goal by one with another tree, and has none without a file."""
         if goal.request.behavior_tree:
             goal.abort(_result(GoalEnd(GoalStatus.ABORTED, "behavior_tree must be empty", GoalCode.INVALID)))
         else:

@@ -121,6 +121,13 @@ def test_goal_that_cannot_be_driven_is_aborted_with_its_code(
     client.scene.rests(0.5)
 
 
+def test_goal_with_a_behavior_tree_leaves_the_previous_one(client: Client) -> None:
+    first = client.send_at(0.5)
+    client.ends(client.send(GOAL, tree="spin.xml"), GoalStatus.ABORTED, GoalCode.INVALID, "behavior_tree")
+    first.wait(30.0)
+    assert first.status is GoalStatus.SUCCEEDED
+
+
 def test_goal_beyond_the_map_is_aborted(bench: Bench) -> None:
     bench.start("navigation_controller", {"map": "yard", "use_costmap": False})
     request = NavigateToPose.Goal(pose=pose_stamped(Pose2(400.0, 0.0, 0.0), "map", bench.stamp()))
