@@ -26,7 +26,7 @@ from sim.lidar.sensor import Lidar
 from sim.lidar.views import moving
 from sim.params import load_sim_params
 from sim.worldfile import load_world
-from tests.unit.space.yard import CHILD, POLE, Post, Yard, near
+from tests.unit.space.yard import CHILD, POLE, Block, Post, Yard, near
 
 LOW_BOX, STUMP = Post(0.15, 0.30), Post(0.05, 0.20)
 CLEARANCE_M = 0.16  # slightly above the stopping distance
@@ -63,6 +63,15 @@ def test_a_ride_with_the_chair_is_not_stopped_by_what_is_not_there(
         x, y = found[:, 0], np.abs(found[:, 1])
         close = (x < footprint.front_m + CLEARANCE_M) & (x > footprint.rear_m - CLEARANCE_M)
         assert not (close & (y < 0.5 * footprint.width_m + CLEARANCE_M)).any(), (step, found[close])
+
+
+def test_returns_between_the_chair_and_a_wall_before_it_are_no_obstacles() -> None:
+    wall = Block(0.05, 1.5, 0.0, 1.5)
+    yard = Yard(chair=True, mixed=0.3, overhead=False, columns=load_lidar_params().beams.columns, wall=wall)
+    yard.at["wall"] = (2.2, 0.0)
+    for _ in range(4):
+        x, y, _ = yard.step().obstacles.T
+        assert not ((x > 0.0) & (x < 2.05) & (np.abs(y) < 1.4)).any()
 
 
 @pytest.mark.parametrize(
