@@ -28,7 +28,8 @@ class ProgressChecker:
     def is_stalled(self, pose: Pose2, command: Twist2, dt_s: float) -> bool:
         """command: in force for the last ``dt_s``. pose: after it, in map."""
         at, sum_ = self._at, self._commanded
-        if at is None or pose.distance_to(at) > _MOVED or abs(wrap_angle(pose.yaw - at.yaw)) > _MOVED:
+        stayed = at is not None and pose.distance_to(at) <= _MOVED and abs(wrap_angle(pose.yaw - at.yaw)) <= _MOVED
+        if not stayed:
             self.reset()
             self._at = pose
         elif command != ZERO_TWIST:

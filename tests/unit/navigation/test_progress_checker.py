@@ -30,11 +30,12 @@ def test_a_robot_that_stays_where_it_is_commanded_away_is_stalled(command: Twist
     [
         (lambda i: Pose2(0.001 * i, 0.0, 0.0), lambda _: Twist2(0.02, 0.0, 0.0)),
         (lambda i: Pose2(0.0, 0.0, 0.001 * i), lambda _: Twist2(0.0, 0.0, 0.02)),
+        (lambda _: Pose2(math.nan, 0.0, 0.0), lambda _: _FORWARD),
         (lambda _: IDENTITY, lambda _: ZERO_TWIST),
         (lambda _: IDENTITY, lambda i: _FORWARD.scaled((-1.0) ** i)),
         (lambda _: IDENTITY, lambda i: _FORWARD if i % 20 == 0 else ZERO_TWIST),
     ],
-    ids=["slow motion", "slow turn", "waiting", "small motions to and fro", "short starts"],
+    ids=["slow motion", "slow turn", "no pose", "waiting", "small motions to and fro", "short starts"],
 )
 def test_motion_and_waiting_are_no_lack_of_progress(
     pose: Callable[[int], Pose2], command: Callable[[int], Twist2]
