@@ -742,6 +742,14 @@ MISSION_QUEUE = Topic(
     ("touch_ui", "fleet_agent", OPERATOR_TOOL),
     "orders: waiting, under way, ended last; why no order starts",
 )
+MISSION_VELOCITY_LIMIT = Topic(
+    "/mission/velocity_limit",
+    "custom_msgs/msg/VelocityLimit",
+    qos.LATCHED,
+    ("mission_manager",),
+    ("navigation_controller",),
+    "of the way to the present waypoint; infinite without one",
+)
 UI_HEARTBEAT = Topic(
     "/ui/heartbeat",
     "std_msgs/msg/Header",

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.limits import NO_LIMIT, SpeedLimit
 
 NAVIGATION = "navigation_controller"
 
@@ -29,10 +30,14 @@ class GoalStatus(Enum):
 
 @dataclass(frozen=True, slots=True)
 class SendGoal:
-    """A goal for the navigation controller. call: number of this goal, repeated in its events. pose: in map."""
+    """A goal for the navigation controller. call: number of this goal, repeated in its events. pose: in map.
+
+    limit: on the way to it.
+    """
 
     call: int
     pose: Pose2
+    limit: SpeedLimit = NO_LIMIT
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,12 +82,12 @@ class NavigationGoals:
         self.aborted = False
         self.problem = ""
 
-    def send(self, pose: Pose2) -> SendGoal:
+    def send(self, pose: Pose2, limit: SpeedLimit = NO_LIMIT) -> SendGoal:
         """A new goal, which preempts the one before."""
         self._number += 1
         self._open, self._again_in_s, self._cancel_in_s = True, math.inf, 0.0
         self.distance_m, self.recoveries, self.aborted, self.problem = math.nan, 0, False, ""
-        return SendGoal(self._number, pose)
+        return SendGoal(self._number, pose, limit)
 
     def on_event(self, event: NavigationEvent) -> None:
         """Handles an event of the newest goal; those of earlier goals are ignored."""

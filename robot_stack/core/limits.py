@@ -23,6 +23,10 @@ class SpeedLimit:
         """(speed m/s, yaw rate rad/s), both >= 0."""
         return _usable(self.linear_mps), _usable(self.angular_radps)
 
+    def slower(self, other: SpeedLimit) -> SpeedLimit:
+        """The lower of both, usable."""
+        return SpeedLimit(*map(min, self.usable(), other.usable()))
+
 
 @dataclass(frozen=True, slots=True)
 class SafetyLimit(SpeedLimit):

@@ -5,6 +5,7 @@ Lengths in m, yaw in rad, map frame. The YAML form is described in ``config/miss
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from enum import Enum
@@ -21,6 +22,7 @@ from pydantic import (
 
 from robot_stack.core.config import Config
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.limits import SpeedLimit
 
 MISSION_ID_PATTERN = r"^[a-z0-9][a-z0-9_]{0,63}$"
 # Waypoints are counted in a uint8 of /mission/status, the way to home included.
@@ -31,6 +33,9 @@ Coordinate = Annotated[float, Field(strict=True, ge=-10_000.0, le=10_000.0)]
 # At most one full turn either way: a value in degrees is rejected instead of read as radians.
 Yaw = Annotated[float, Field(strict=True, ge=-6.2832, le=6.2832)]
 Name = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=64)]
+# Of a limit on the way to a waypoint, m/s and rad/s.
+SLOWEST, FASTEST = 0.1, 10.0
+Limit = Annotated[float, Field(strict=True, ge=SLOWEST, le=FASTEST)]
 DockId = Annotated[str, StringConstraints(max_length=64)]
 MissionId = Annotated[str, StringConstraints(pattern=MISSION_ID_PATTERN)]
 
@@ -104,22 +109,32 @@ class WaypointLabel(Config):
 
 
 class Waypoint(Spot):
-    """A named pose and its action. name: in English; identifies the waypoint."""
+    """A named pose and its action. name: in English; identifies the waypoint.
+
+    max_speed_mps, max_yaw_rate_radps: on the way to it, as far as the robot is not slower by itself.
+    """
 
     name: Name
     label: WaypointLabel = WaypointLabel()
     action: Action
+    max_speed_mps: Limit | None = None
+    max_yaw_rate_radps: Limit | None = None
+
+    @property
+    def limit(self) -> SpeedLimit:
+        return SpeedLimit(self.max_speed_mps or math.inf, self.max_yaw_rate_radps or math.inf)
 
     def names(self) -> dict[str, str]:
         """Its name in each display language."""
         return {"en": self.name, "ja": self.label.ja or self.name, "zh": self.label.zh or self.name}
 
     @model_serializer(mode="wrap")
-    def _without_empty_label(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Writes the label only if it is set, as people write the file."""
+    def _without_empty_fields(self, serialize: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Writes label and limits only if they are set, as people write the file."""
         fields: dict[str, Any] = serialize(self)
         label = {language: text for language, text in fields.pop("label").items() if text is not None}
-        return {**fields, **({"label": label} if label else {})}
+        fields |= {"label": label or None}
+        return {key: value for key, value in fields.items() if value is not None}
 
 
 class LocalName(Config):

@@ -107,7 +107,7 @@ def _new(record: Record, order: Order, robot: RobotView, vehicle: Vehicle, now_s
     _check_number(order, 0, order.actions)
     start = robot.pose or Pose2(0.0, 0.0, 0.0)
     first = base[0]
-    stops = stops_of(base, start, order.base == len(order.nodes), vehicle)
+    stops = stops_of(base, order.edges, start, order.base == len(order.nodes), vehicle)
     taken = OrderRecord(
         id=order.id,
         update_id=order.update_id,
@@ -163,7 +163,7 @@ def _update(record: Record, current: OrderRecord, order: Order, robot: RobotView
         text = f"the actionId {twice[0]!r} is used already"
         raise order.refused(ErrorType.ORDER_UPDATE, text, ("actionId", twice[0]))
     _check_number(order, len(kept), _actions((*base, *horizon)))
-    stops = stops_of(base, current.end, not horizon, vehicle)
+    stops = stops_of(base, order.edges, current.end, not horizon, vehicle)
     released = tuple(node for node in current.nodes if node.released)
     last = order.nodes[order.base - 1]
     taken = current.model_copy(

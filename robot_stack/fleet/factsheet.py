@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from robot_stack.core.mission import MAX_WAYPOINTS
+from robot_stack.core.mission import MAX_WAYPOINTS, SLOWEST
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.fleet import acceptance, instant
 from robot_stack.fleet.codec import Data
@@ -47,6 +47,8 @@ _FIELDS: Final = {
 def factsheet(robot: Robot, vehicle: Vehicle, params: FleetParams) -> Data:
     loaded = robot.with_passenger
     is_v3 = vehicle.version is Version.V3
+    speeds = ("maximumSpeed", "maximumRotationSpeed") if is_v3 else ("maxSpeed", "maxRotationSpeed")
+    fields = _FIELDS | {f"order.edges.{name}": ("SUPPORTED", f"at least {SLOWEST}") for name in speeds}
     return {
         "typeSpecification": {
             "seriesName": params.series_name,
@@ -71,8 +73,10 @@ def factsheet(robot: Robot, vehicle: Vehicle, params: FleetParams) -> Data:
         "protocolLimits": _limits(params, vehicle.version),
         "protocolFeatures": {
             "optionalParameters": [
-                {"parameter": name, "support": support} | ({"description": text} if text else {})
-                for name, (support, text) in _FIELDS.items()
+                {"parameter": name, "support": support}
+                | ({"description": text} if text else {})
+                | ({"description": text} if text else {})
+                for name, (support, text) in fields.items()
             ],
             "agvActions": [
                 *(_action(name, "NODE", vehicle) for name in vehicle.node_actions),

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 from robot_stack.core.geometry import Pose2
-from robot_stack.core.mission import MAX_WAYPOINTS, Kind
+from robot_stack.core.mission import FASTEST, MAX_WAYPOINTS, SLOWEST, Kind
 from robot_stack.core.robot import Robot
 from robot_stack.fleet.errors import ErrorType
 from robot_stack.fleet.order import Action, Edge, Node, Order, Position
@@ -27,12 +27,14 @@ _FARTHEST_M: Final = 10_000.0  # of a coordinate, as in mission files
 _SAME_PLACE_M: Final = 1e-3
 # Fields of edges that say nothing about how this robot drives: it plans its paths itself.
 _WITHOUT_EFFECT: Final = frozenset({"length", "orientationType"})
+_SPEED: Final = ("maxSpeed", "maximumSpeed")
+_ROTATION: Final = ("maxRotationSpeed", "maximumRotationSpeed")
 _HARMLESS: Final = (("rotationAllowed", True), ("reachOrientationBeforeEntering", False))
 
 
 @dataclass(frozen=True, slots=True)
 class Vehicle:
-    """version: of the protocol. docks: kind of each dock by its id. Speeds of the empty robot.
+    """version: of the protocol. docks: kind of each dock by its id.
 
     start_m: of the first node without a deviation. pass_m, pass_rad, stand_m, stand_rad: within which the mission
     manager takes a waypoint for reached, driving on or standing.
@@ -42,8 +44,6 @@ class Vehicle:
     map_id: str
     map_version: str
     docks: Mapping[str, str]
-    max_speed_mps: float
-    max_yaw_rate_radps: float
     height_m: float
     start_m: float
     pass_m: float
@@ -73,8 +73,6 @@ class Vehicle:
             map_id=params.map,
             map_version=map_version,
             docks=docks,
-            max_speed_mps=robot.empty.max_speed_mps,
-            max_yaw_rate_radps=robot.empty.max_yaw_rate_radps,
             height_m=robot.mast.top_m,
             start_m=params.start_m,
             pass_m=params.pass_m,
@@ -87,7 +85,10 @@ class Vehicle:
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """One waypoint. node: its sequence id. action: of the order, "" = arriving at the node."""
+    """One waypoint. node: its sequence id. action: of the order, "" = arriving at the node.
+
+    max_speed_mps, max_yaw_rate_radps: on the way to it; 0 = no limit.
+    """
 
     node: int
     action: str
@@ -98,6 +99,8 @@ class Stop:
     kind: Kind
     wait_s: float = 0.0
     dock_id: str = ""
+    max_speed_mps: float = 0.0
+    max_yaw_rate_radps: float = 0.0
 
 
 # --- actions ---------------------------------------------------------------------------------------------------------
@@ -198,18 +201,15 @@ def _edge_problem(edge: Edge, vehicle: Vehicle) -> tuple[str, str]:
     """(name of the erroneous field, why it cannot be used); empty texts if all can."""
     if edge.actions:
         return "actions", f"actions on edges are not supported: {edge.actions[0].type!r}"
-    enough = {
-        "maxSpeed": vehicle.max_speed_mps,
-        "maximumSpeed": vehicle.max_speed_mps,
-        "maxRotationSpeed": vehicle.max_yaw_rate_radps,
-        "maximumRotationSpeed": vehicle.max_yaw_rate_radps,
+    least = {
+        **dict.fromkeys((*_SPEED, *_ROTATION), SLOWEST),
         "maxHeight": vehicle.height_m,
         "maximumMobileRobotHeight": vehicle.height_m,
     }
     for field, value in edge.fields.items():
-        if field in enough:
-            if not _is_number(value) or value < enough[field]:
-                return field, f"{field} {value} cannot be kept: it is {enough[field]} on every edge"
+        if field in least:
+            if not _is_number(value) or value < least[field]:
+                return field, f"{field} {value} cannot be kept: it must be at least {least[field]}"
         elif field not in _WITHOUT_EFFECT and (field, value) not in _HARMLESS:
             return field, f"the field {field} of edges is not supported"
     return "", ""
@@ -257,19 +257,28 @@ def check_loads(order: Order, actions: tuple[Action, ...], loaded: bool) -> bool
 # --- route -----------------------------------------------------------------------------------------------------------
 
 
-def stops_of(nodes: tuple[Node, ...], before: Pose2, ends: bool, vehicle: Vehicle) -> tuple[Stop, ...]:
+def stops_of(
+    nodes: tuple[Node, ...], edges: tuple[Edge, ...], before: Pose2, ends: bool, vehicle: Vehicle
+) -> tuple[Stop, ...]:
     """The waypoints of released nodes. before: where the robot comes from. ends: the route ends with the last node.
 
     A node with actions is reached standing, then each of its actions is a waypoint at the same pose.
+    edges: those that lead to the nodes, also others; their speeds hold until the node is left.
     """
     stops: list[Stop] = []
+    by_end = {edge.sequence_id + 1: edge for edge in edges}
     for node in nodes:
         if node.position is None:
             raise ValueError(f"node {node.id!r} has not been checked")
         pose = _pose(node.position, before)
         stand = bool(node.actions) or _is_precise(node.position, vehicle)
         kind = Kind.WAIT if stand else Kind.PARK if ends and node is nodes[-1] else Kind.PASS
-        stops.append(Stop(node.sequence_id, "", _name(node, 0), pose.x, pose.y, pose.yaw, kind))
+        arrival = Stop(node.sequence_id, "", _name(node, 0), pose.x, pose.y, pose.yaw, kind)
+        if node.sequence_id in by_end:
+            edge = by_end[node.sequence_id]
+            limits = _lowest(edge, _SPEED), _lowest(edge, _ROTATION)
+            arrival = replace(arrival, max_speed_mps=limits[0], max_yaw_rate_radps=limits[1])
+        stops.append(arrival)
         for number, action in enumerate(node.actions, 1):
             what: dict[str, Any] = {"kind": Kind.UNDOCK}
             if action.type == "pick":
@@ -278,9 +287,14 @@ def stops_of(nodes: tuple[Node, ...], before: Pose2, ends: bool, vehicle: Vehicl
                 what = {"kind": Kind.DOCK, "dock_id": vehicle.charger(action)}
             elif action.type == "wait":
                 what = {"kind": Kind.WAIT, "wait_s": float(action.parameters["duration"])}
-            stops.append(Stop(node.sequence_id, action.id, _name(node, number), pose.x, pose.y, pose.yaw, **what))
+            stops.append(replace(arrival, action=action.id, name=_name(node, number), **what))
         before = pose
     return tuple(stops)
+
+
+def _lowest(edge: Edge, fields: tuple[str, ...]) -> float:
+    """The limit that the edge has by one of these names; 0 without one, or above the largest of a mission."""
+    return min((float(edge.fields[key]) for key in fields if edge.fields.get(key, math.inf) <= FASTEST), default=0.0)
 
 
 def _pose(position: Position, before: Pose2) -> Pose2:

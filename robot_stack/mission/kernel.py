@@ -20,6 +20,7 @@ from robot_stack.core.keepout import Keepout, keepout_problems
 from robot_stack.core.mission import (
     Kind,
     Mission,
+    Waypoint,
     aboard_at_start,
     docking_problem,
     ends_carriage,
@@ -359,7 +360,7 @@ class MissionKernel:
         save = self._change(trigger, record, reason, goal_due=self._departure.due or undocks)
         current = self._record.current
         assert current is not None
-        return (save,) if self._leg.goal_due else (save, self._navigation.send(current.pose))
+        return (save,) if self._leg.goal_due else (save, self._navigation.send(current.pose, current.limit))
 
     def _stand(self, trigger: Trigger, reason: str, record: Record | None = None) -> tuple[Effect, ...]:
         """Enters a standing state; a command that is not valid in the present state is refused."""
@@ -755,7 +756,7 @@ class MissionKernel:
         if docking.undocks_in_place(self._record, self._docks):
             return self._serve(inputs)
         if self._leg.goal_due:
-            return self._set_out(current.pose, inputs, dt_s)
+            return self._set_out(current, inputs, dt_s)
         if self._departure.due:
             # Navigation would continue by itself: it gets its goal back after a warning.
             self._leg.goal_due = True
@@ -772,7 +773,7 @@ class MissionKernel:
             self._held = _NO_SERVER
             return ()
         self._leg.goal_due = True
-        return self._set_out(current.pose, inputs, dt_s)
+        return self._set_out(current, inputs, dt_s)
 
     def _stalls(self, pose: Pose2, goal: Pose2, dt_s: float) -> bool:
         return self._leg.stalls(pose, goal, self._navigation.distance_m, self._navigation.recoveries, dt_s)
@@ -801,7 +802,7 @@ class MissionKernel:
         nearer = place is not None and pose.distance_to(place.pose) < pose.distance_to(home.pose)
         return place if nearer else SafePlace(x=home.x, y=home.y, yaw=home.yaw, dock=home.dock, name=home.dock)
 
-    def _set_out(self, goal: Pose2, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
+    def _set_out(self, goal: Waypoint, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         if self._held:  # a warning long before the motion has no effect
             self._departure.drop()
             return ()
@@ -809,13 +810,13 @@ class MissionKernel:
             self._departure.drop()
             self._held = _NO_SERVER
             assert inputs.pose is not None
-            stalls = self._leg.stalls(inputs.pose, goal, math.nan, 0, dt_s)
+            stalls = self._leg.stalls(inputs.pose, goal.pose, math.nan, 0, dt_s)
             return self._try_failed(inputs.pose, f"no {NAVIGATION}") if stalls else ()
         if not self._departure.cleared(dt_s):
             self._held = SETTING_OUT
             return ()
         self._leg.goal_due = False
-        return (self._navigation.send(goal),)
+        return (self._navigation.send(goal.pose, goal.limit),)
 
     def _note_motion(self, pose: Pose2, inputs: Inputs, dt_s: float) -> None:
         if self._record.start is None:

@@ -129,7 +129,7 @@ class NavigationController:
         self._robot = robot
         self._map_frame = map_frame
         self._passenger = False
-        self._speed_limit = NO_LIMIT
+        self._speed_limit = self._way_limit = NO_LIMIT
         self._state = NavigationState.IDLE
         self._goal: Pose2 | None = None
         self._trajectory: Trajectory | None = None
@@ -198,6 +198,12 @@ class NavigationController:
         """Sets the newest limit of the safety monitor; a running plan continues under it."""
         if limit != self._speed_limit:
             self._speed_limit = limit
+            self._replan_with_limits()
+
+    def set_way_limit(self, limit: SpeedLimit) -> None:
+        """Sets the newest limit of the client that sends the goals; a running plan slows down to it."""
+        if limit != self._way_limit:
+            self._way_limit = limit
             self._replan_with_limits()
 
     def request(
@@ -579,7 +585,7 @@ class NavigationController:
         return ""
 
     def _limits(self) -> PlanningLimits | None:
-        limit = SpeedLimit(min(self._speed_limit.linear_mps, self._narrow_mps), self._speed_limit.angular_radps)
+        limit = self._speed_limit.slower(self._way_limit).slower(SpeedLimit(self._narrow_mps, math.inf))
         return planning_limits(self._robot.motion(self._passenger), limit, self._params.limits)
 
     def _lost(self, error: TrackingError) -> bool:

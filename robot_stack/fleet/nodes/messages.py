@@ -60,6 +60,8 @@ def request_message(request: Request) -> Any:
             action=stop.kind.value,
             wait_s=stop.wait_s,
             dock_id=stop.dock_id,
+            max_speed=stop.max_speed_mps,
+            max_yaw_rate=stop.max_yaw_rate_radps,
         )
         for stop in request.stops
     ]

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from geometry_msgs.msg import PoseStamped
 
-from custom_msgs.msg import EHMIState, MissionStatus
+from custom_msgs.msg import EHMIState, MissionStatus, VelocityLimit
 from robot_stack.contract import frames, topics
 from robot_stack.core.goals import SendGoal
+from robot_stack.core.limits import NO_LIMIT, SpeedLimit
 from robot_stack.core.mission import Kind
 from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.navigation_client import NavigationClient
@@ -35,6 +36,7 @@ class MissionOutputs:
         self._status = node.advertise(topics.MISSION_STATUS)
         self._queue = node.advertise(topics.MISSION_QUEUE)
         self._goal = node.advertise(topics.GOAL_POSE)
+        self._limit = node.advertise(topics.MISSION_VELOCITY_LIMIT)
         self._stop = node.emergency_stop_source(until_latched=True)
         self._ehmi = node.advertise(topics.EHMI_STATE_COMMAND)
         self._language: str = params.language
@@ -43,9 +45,12 @@ class MissionOutputs:
         self.reason = ""
 
     def send_goal(self, goal: SendGoal) -> None:
+        self._publish_limit(goal.limit)
         self._navigation.send(goal)
 
     def cancel_goal(self, everything: bool) -> None:
+        """Afterwards the limit does not hold for goals of others."""
+        self._publish_limit(NO_LIMIT)
         if not everything:
             self._navigation.cancel()
             return
@@ -53,6 +58,11 @@ class MissionOutputs:
         message = PoseStamped()  # an empty frame ends also a goal that was given on /goal_pose
         message.header.stamp = self._node.stamp()
         self._goal.publish(message)
+
+    def _publish_limit(self, limit: SpeedLimit) -> None:
+        message = VelocityLimit(max_linear_velocity=limit.linear_mps, max_angular_velocity=limit.angular_radps)
+        message.header.stamp, message.header.frame_id = self._node.stamp(), frames.BASE_LINK
+        self._limit.publish(message)
 
     def start_docking(self, call: int, kind: Kind, dock_id: str) -> None:
         self._docking.start(call, kind, dock_id)

@@ -36,7 +36,8 @@ def request_of(request: EditMissionQueue.Request, find: Callable[[str], Mission]
 
 def _waypoint(message: MissionWaypoint) -> dict[str, Any]:
     action = own_route.action_of(message.action, message.wait_s, message.dock_id)
-    return {"name": message.name, "x": message.x, "y": message.y, "yaw": message.yaw, "action": action}
+    waypoint = {"name": message.name, "x": message.x, "y": message.y, "yaw": message.yaw, "action": action}
+    return waypoint | {"max_speed_mps": message.max_speed or None, "max_yaw_rate_radps": message.max_yaw_rate or None}
 
 
 def report_message(report: QueueReport, stamp: Time) -> Any:

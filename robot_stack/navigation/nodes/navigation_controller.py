@@ -73,6 +73,7 @@ class NavigationControllerNode(StackNode):
         self.subscribe(topics.CURRENT_POSE, self._on_pose)
         self.subscribe(topics.GOAL_POSE, self._on_goal)
         self._limit = self.subscribe(topics.VELOCITY_LIMIT, self._on_velocity_limit)
+        self.subscribe(topics.MISSION_VELOCITY_LIMIT, self._on_mission_limit)
         WheelchairInput(self, self.controller.set_passenger)
         if self.params.use_costmap:
             self.subscribe(topics.LOCAL_COSTMAP, self._on_costmap)
@@ -157,8 +158,10 @@ class NavigationControllerNode(StackNode):
             self._outputs.people(around.people, stamp)
 
     def _on_velocity_limit(self, message: VelocityLimit) -> None:
-        limit = SpeedLimit(message.max_linear_velocity, message.max_angular_velocity)
-        self.controller.set_speed_limit(limit)
+        self.controller.set_speed_limit(_limit_of(message))
+
+    def _on_mission_limit(self, message: VelocityLimit) -> None:
+        self.controller.set_way_limit(_limit_of(message))
 
     def _tick(self) -> None:
         if self._limit.received and not self._limit.fresh():
@@ -195,6 +198,10 @@ class NavigationControllerNode(StackNode):
         held = output.state is NavigationState.HELD
         self.set_health(not missing, missing or (f"held: {output.text}" if held else output.text))
         self.report.values = output.figures()
+
+
+def _limit_of(message: VelocityLimit) -> SpeedLimit:
+    return SpeedLimit(message.max_linear_velocity, message.max_angular_velocity)
 
 
 def main() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -99,6 +100,30 @@ def test_an_order_in_two_updates_is_driven(site: Site) -> None:
     assert state["lastNodeId"] == "c"
     assert state["errors"] == []
     site.status.wait(lambda status: status.state == "COMPLETED", "the mission done", 5.0)
+
+
+def test_the_robot_keeps_the_speeds_of_each_edge(site: Site) -> None:
+    limits = site.bench.listen(topics.MISSION_VELOCITY_LIMIT)
+    driven: list[tuple[float, float, float]] = []
+    site.bench.listen(
+        topics.CMD_VEL, lambda message: driven.append((site.robot.pose.x, message.linear.x, message.angular.z))
+    )
+    data = order([node("a", 0, 0.0), node("b", 2, 3.0), node("c", 4, 7.0), node("d", 6, 9.0, theta=1.5)])
+    data["edges"][0]["maxSpeed"] = 0.4
+    data["edges"][2] |= {"maxSpeed": 0.3, "maxRotationSpeed": 0.15}
+    site.send(Topic.ORDER, data)
+    site.wait(lambda state: not state["nodeStates"] and state["orderId"], "the end", 120.0)
+
+    def fastest(first_m: float, last_m: float) -> float:
+        return max(speed for x, speed, _ in driven if first_m <= x <= last_m)
+
+    # A node is passed within 0.5 m. There the robot, which could have to stop at it, brakes.
+    assert 0.3 < fastest(0.0, 2.5) <= 0.4
+    assert fastest(3.0, 6.5) > 0.6
+    assert 0.2 < fastest(7.0, 9.5) <= 0.3
+    assert 0.1 < max(turn for x, _, turn in driven if x > 7.0) <= 0.15
+    limits.wait(lambda message: math.isinf(message.max_linear_velocity), "goals of others without a limit")
+    assert math.isinf(limits.last.max_angular_velocity)
 
 
 def test_cancel_order_stops_the_robot(site: Site) -> None:

@@ -16,6 +16,7 @@ from robot_stack.core.config import config_dir, read_yaml
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.mission import Kind
 from robot_stack.fleet.errors import ErrorType
+from robot_stack.fleet.factsheet import factsheet
 from robot_stack.fleet.progress import Operation, Request
 from robot_stack.fleet.record import Phase
 from robot_stack.fleet.robot import Safety
@@ -24,6 +25,8 @@ from robot_stack.fleet.version import Version
 from tests.unit.fleet.master import (
     EDGES_V3,
     HEADER,
+    PARAMS,
+    ROBOT,
     VEHICLE,
     Bench,
     Data,
@@ -324,8 +327,8 @@ def test_a_cancelled_order_is_not_updated(bench: Bench) -> None:
 @pytest.mark.parametrize(
     ("field", "value"),
     [
-        ("maxSpeed", 0.5),
-        ("maxRotationSpeed", 0.1),
+        ("maxSpeed", 0.09),
+        ("maxRotationSpeed", 0.09),
         ("maxHeight", 1.0),
         ("minHeight", 0.1),
         ("orientation", 0.0),
@@ -350,9 +353,32 @@ def test_a_field_of_an_edge_that_cannot_be_kept_is_refused_by_name(bench: Bench,
 
 def test_fields_of_edges_that_the_robot_keeps_anyway_are_accepted(bench: Bench) -> None:
     data = order(route("a", "b"))
-    data["edges"][0] |= {"maxSpeed": 1.5, "maxRotationSpeed": 1.0, "maxHeight": 2.0, "length": 2.0}
+    data["edges"][0] |= {"maxSpeed": 20.0, "maxHeight": 2.0, "length": 2.0}
     data["edges"][0] |= {"rotationAllowed": True, "orientationType": "TANGENTIAL"}
     assert error_types(bench.order(data)) == []
+    assert [stop.max_speed_mps for stop in bench.manager.orders[bench.manager.current]] == [0.0]
+
+
+def test_the_speeds_of_edges_are_in_the_factsheet(bench: Bench) -> None:
+    listed = {
+        one["parameter"] for one in factsheet(ROBOT, bench.vehicle, PARAMS)["protocolFeatures"]["optionalParameters"]
+    }
+    names = {name: EDGES_V3[name] if bench.version is Version.V3 else name for name in ("maxSpeed", "maxRotationSpeed")}
+    assert {f"order.edges.{name}" for name in names.values()} <= listed
+
+
+def test_the_speeds_of_an_edge_hold_on_the_way_to_its_node(bench: Bench) -> None:
+    stop = action("wait", "w", duration=1.0)
+    data = order([node("a", 0, 0.0), node("b", 2, 2.0, stop), node("c", 4, 4.0), node("d", 6, 6.0, released=False)])
+    data["edges"][0] |= {"maxSpeed": 0.5, "maxRotationSpeed": 0.2}
+    data["edges"][2] |= {"maxSpeed": 0.3}
+    bench.order(data)
+    again = order([node("c", 4, 4.0), node("d", 6, 6.0)], update=1)
+    again["edges"][0] |= {"maxSpeed": 0.4}
+    bench.order(again)
+    given = bench.manager.orders[bench.manager.current]
+    limits = [(stop.action, stop.max_speed_mps, stop.max_yaw_rate_radps) for stop in given]
+    assert limits == [("", 0.5, 0.2), ("w", 0.5, 0.2), ("", 0.0, 0.0), ("", 0.4, 0.0)]
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 
 from robot_stack.core.config import ConfigError, config_dir, load, read_yaml, validate
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.limits import NO_LIMIT, SpeedLimit
 from robot_stack.core.mission import Action, Kind, Mission, Waypoint
 from robot_stack.core.mission_library import MissionError, MissionLibrary, read_mission
 from robot_stack.mission import events as ev
@@ -181,6 +182,16 @@ def test_a_label_is_written_as_it_is_read_and_the_name_stands_in_for_it(label):
     )
     assert waypoint.model_dump(mode="json").get("label", {}) == label
     assert waypoint.names() == {"en": "gate", "ja": "gate", "zh": "gate"} | label
+
+
+def test_limits_are_written_as_they_are_read():
+    """A route without any has one digest, whatever the version that journaled it."""
+    plain = {"name": "gate", "x": 1.0, "y": 2.0, "yaw": 0.0, "action": "pass"}
+    limited = plain | {"max_speed_mps": 0.5, "max_yaw_rate_radps": 0.1}
+    assert Waypoint.model_validate(plain).model_dump(mode="json") == plain
+    assert Waypoint.model_validate(limited).model_dump(mode="json") == limited
+    assert Waypoint.model_validate(plain).limit == NO_LIMIT
+    assert Waypoint.model_validate(limited).limit == SpeedLimit(0.5, 0.1)
 
 
 def route_length_m(mission: Mission) -> float:

@@ -83,6 +83,12 @@ def bad(**changes) -> list[dict]:
     [
         (bad(x=float("nan")), "tour", "waypoint 2 'w1': x: Input should be a finite number (is nan)"),
         (bad(yaw=90.0), "tour", "waypoint 2 'w1': yaw: Input should be less than or equal to 6.2832 (is 90.0)"),
+        (
+            bad(max_speed_mps=0.05),
+            "tour",
+            "waypoint 2 'w1': max_speed_mps: Input should be greater than or equal to 0.1",
+        ),
+        (bad(max_yaw_rate_radps=float("nan")), "tour", "waypoint 2 'w1': max_yaw_rate_radps: Input should be"),
         (bad(name=""), "tour", "waypoint 2 '': name: String should have at least 1 character (is '')"),
         (bad(name="x" * 999), "tour", "name: String should have at most 64 characters"),
         (bad(name="w0"), "tour", "waypoints: every waypoint needs a unique name: w0 is used more than once"),
