@@ -20,19 +20,21 @@ _TYPE_LENGTH: Final = 64
 _FARTHEST_M: Final = 10_000.0
 _LARGEST_YAW: Final = 3.1416
 
+_NO_ZONES: Final = "the zones of the site are set on the robot; the factsheet has no supportedZones"
+_NOT_HERE: Final = "maps are installed on the robot"
 # Named in the refusal; every other type is unknown.
 REFUSED: Final = {
     "startCharging": "an action of the node before a charger",
     "stopCharging": "the site has no charger",
     "logReport": "the robot keeps the last minute before each fault by itself; staff fetch recordings",
-    "enableMap": "the map is chosen on the robot",
-    "downloadMap": "the map is installed on the robot",
-    "deleteMap": "the map is installed on the robot",
+    "enableMap": _NOT_HERE,
+    "downloadMap": _NOT_HERE,
+    "deleteMap": _NOT_HERE,
     # From 3.0 on.
-    "downloadZoneSet": "the robot has no zones",
-    "enableZoneSet": "the robot has no zones",
-    "deleteZoneSet": "the robot has no zones",
-    "clearZoneActions": "the robot has no zones",
+    "downloadZoneSet": _NO_ZONES,
+    "enableZoneSet": _NO_ZONES,
+    "deleteZoneSet": _NO_ZONES,
+    "clearZoneActions": _NO_ZONES,
     "trigger": "the robot has no action waitForTrigger",
     "retry": "a failed action is not tried again",
     "skipRetry": "a failed action is not tried again",

@@ -14,7 +14,7 @@ from robot_stack.fleet.record import NOT_SENT, RESULT_LENGTH, ActionState, Order
 from robot_stack.fleet.robot import RobotView
 from robot_stack.fleet.vehicle import Stop
 
-_COMPLETED: Final = 2  # MissionOrder.COMPLETED
+_COMPLETED, _FAILED = 2, 4  # MissionOrder
 _LONGEST_SLUG: Final = 40
 
 
@@ -175,12 +175,20 @@ def followed(record: Record, robot: RobotView) -> Record:
         order = _ended(order, Phase.CANCELLED, order.reason)
     elif state is not None:
         why = mission.reason if mission is not None and mission.mission_id == part.id else ""
+        unreachable = _driven_to(order, part) if state == _FAILED else ""
         order = _ended(order, Phase.ABORTED, why or "the mission manager ended the order")
+        order = order.model_copy(update={"unreachable": unreachable})
     elif order.phase is Phase.CANCELLING and order.cancel_refused and not queue.knows(part.id):
         order = _ended(order, Phase.CANCELLED, order.reason)  # it was never there
     elif part.seen and not queue.knows(part.id):
         order = _ended(order, Phase.ABORTED, "the mission manager does not know the order any more")
     return _with_order(record, _running(order, robot) if order.phase is Phase.ACTIVE else order)
+
+
+def _driven_to(order: OrderRecord, part: Part) -> str:
+    """The node on the way to which the robot is; empty in one of its actions."""
+    stop = part.stops[min(part.done, len(part.stops) - 1)]
+    return "" if stop.action else next((node.id for node in order.nodes if node.sequence_id == stop.node), "")
 
 
 def is_overtaken(order: OrderRecord | None, robot: RobotView) -> bool:

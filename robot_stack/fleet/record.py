@@ -87,6 +87,7 @@ class OrderRecord(Config):
     """nodes, edges: what is not traversed yet. decision: (nodeId, sequenceId) of the last released node.
 
     end: where the base ends. loaded: a wheelchair is attached at the end of the base. reason: why it ended early.
+    unreachable: the node that it failed to reach.
     charging: the base ends docked to a charger.
     load_ids: loadId of each pick, by its action. part: the last order of the mission manager, part_number: how many
     there were. waiting: stops of the next one. accepted_ms: Unix time of the order, for ids. cancel_refused: by the
@@ -97,6 +98,7 @@ class OrderRecord(Config):
     update_id: int
     phase: Phase = Phase.ACTIVE
     reason: str = ""
+    unreachable: str = ""
     nodes: tuple[GraphPart, ...]
     edges: tuple[GraphPart, ...]
     decision: tuple[str, int]

@@ -166,6 +166,9 @@ def _own_errors(record: Record, robot: RobotView, version: Version) -> list[Erro
     if order.phase is Phase.ACTIVE and order.part is not None and order.part.refusal:
         text = f"the mission manager does not take the update: {order.part.refusal}"
         errors.append(Error(ErrorType.ORDER_UPDATE, text, references, "cancel the order, or wait: it is asked again"))
+    if version is Version.V3 and order.unreachable:
+        named = (*references, ("nodeId", order.unreachable))
+        errors.append(Error(ErrorType.UNREACHABLE, f"the robot did not reach the node {order.unreachable!r}", named))
     if order.phase is Phase.ABORTED:
         references = (*references, ("nodeId", record.last_node))
         hint = "staff look after the robot and release the queue; then send a new order"

@@ -277,6 +277,24 @@ def test_zones_and_responses_are_not_read(bench: Bench) -> None:
     assert (bench.state["errors"], bench.state["headerId"]) == ([], before["headerId"])
 
 
+@pytest.mark.parametrize(
+    ("served", "state", "named"), [(0, 4, [("nodeId", "b")]), (1, 4, []), (2, 4, [("nodeId", "c")]), (0, 3, [])]
+)
+def test_a_node_that_is_not_reached_is_named(bench: Bench, served: int, state: int, named: list[Any]) -> None:
+    """Not one in whose action the robot fails, nor where a person ends the mission."""
+    wait = action("wait", duration=1.0)
+    bench.order(order([node("a", 0, 0.0), node("b", 2, 2.0, wait), node("c", 4, 4.0)]))
+    bench.serve(served)
+    bench.manager.fail(state)
+    bench.tick()
+    errors = {error["errorType"]: error for error in bench.state["errors"]}
+    unreachable = errors.get("NODE_UNREACHABLE", {"errorLevel": "CRITICAL", "errorReferences": []})
+    found = [(one["referenceKey"], one["referenceValue"]) for one in unreachable["errorReferences"]]
+    assert [one for one in found if one[0] == "nodeId"] == named
+    assert unreachable["errorLevel"] == "CRITICAL"
+    assert "ORDER_ABORTED" in errors
+
+
 # --- instant actions -------------------------------------------------------------------------------------------------
 
 
