@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -105,7 +106,8 @@ def begin(record: Record, action: Action, robot: RobotView, vehicle: Vehicle) ->
                 raise _refused(action, "there is no order to pause")
             return begun
         case "stopPause":
-            if robot.queue is None or robot.queue.paused_by != FLEET:
+            paused = robot.queue is not None and robot.queue.paused_by == FLEET
+            if not paused and wanted(record) != "startPause":
                 raise _refused(action, "the fleet has not paused the robot; a person's pause is ended by a person")
             return begun
         case _:
@@ -143,12 +145,14 @@ def updated(record: Record, robot: RobotView, standing: bool, pose_given: bool |
     """
     order, paused_by = record.order, robot.queue.paused_by if robot.queue is not None else ""
     under_way = order is not None and order.under_way
-    states = []
+    states: list[ActionState] = []
     for state in record.instant:
         if not state.status.ended:
             match state.type:
                 case "cancelOrder" if not under_way and standing:
                     state = _finished(state)
+                case "startPause" | "stopPause" if _first_running(states):
+                    pass  # one after the other
                 case "startPause" if paused_by == FLEET:
                     state = _finished(state)
                 case "startPause" if not under_way:
@@ -182,8 +186,12 @@ def refused_by_manager(record: Record, kind: str, why: str) -> Record:
 
 def wanted(record: Record) -> str:
     """The type of the first action that the mission manager must carry out, empty without one."""
-    running = (state.type for state in record.instant if not state.status.ended)
-    return next((kind for kind in running if kind in ("startPause", "stopPause")), "")
+    return _first_running(record.instant)
+
+
+def _first_running(states: Iterable[ActionState]) -> str:
+    """The type of the first pause, or end of one, that is not done; empty without one."""
+    return next((one.type for one in states if one.type in ("startPause", "stopPause") and not one.status.ended), "")
 
 
 def _cancel(record: Record, state: ActionState, order_id: Any) -> Record:

@@ -143,6 +143,21 @@ def test_the_fleet_pauses_and_goes_on(riding: Bench) -> None:
     assert node_ids(riding.serve(4)) == []
 
 
+@pytest.mark.parametrize("paused", [False, True])
+def test_pauses_and_their_ends_in_one_message_are_carried_out_in_their_sequence(riding: Bench, paused: bool) -> None:
+    if paused:
+        riding.instant(action("startPause", "before"))
+    kinds = ["startPause", "stopPause"]
+    first, second = reversed(kinds) if paused else kinds
+    riding.instant(action(first, "one"), action(second, "two"))
+    for _ in range(5):
+        riding.tick()
+    assert (statuses(riding.state)["one"], statuses(riding.state)["two"]) == ("FINISHED", "FINISHED")
+    assert riding.state["paused"] is paused
+    asked = [request.operation for request in riding.manager.asked]
+    assert asked[-2 - paused :] == [Operation.PAUSE, Operation.RESUME, Operation.PAUSE][: 2 + paused]
+
+
 def test_the_pause_of_a_person_is_not_ended_by_the_fleet(riding: Bench) -> None:
     riding.manager.state = MissionState.PAUSED
     riding.tick()
