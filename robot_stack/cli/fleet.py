@@ -345,7 +345,11 @@ def _print_commands(site: Site, serial: str, files: Files) -> None:
         f"fleet_agent.broker.{name}=/etc/robot_stack/fleet/{path.name}"
         for name, path in (("ca_file", files.ca), ("certificate_file", files.certificate), ("key_file", files.key))
     ]
-    print(" \\\n  ".join([f"robot-stack up --fleet {site.robot_url()}", *(f"--set {item}" for item in settings)]))
+    print(
+        " \\\n  ".join(
+            [f"robot-stack up --profile robot --fleet {site.robot_url()}", *(f"--set {item}" for item in settings)]
+        )
+    )
 
 
 def _table(robots: Iterable[Robot]) -> Table:

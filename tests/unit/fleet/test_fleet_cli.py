@@ -254,7 +254,7 @@ def test_certificates_of_the_manager(tmp_path: Path) -> None:
         assert run(broker, "status", "--wait", "0.1").exit_code == 0
         added = run(broker, "add-robot", "A1")
         assert added.exit_code == 0, added.exception
-        assert f"robot-stack up --fleet mqtts://localhost:{broker.port}" in added.output
+        assert f"robot-stack up --profile robot --fleet mqtts://localhost:{broker.port}" in added.output
         assert "broker.key_file=/etc/robot_stack/fleet/client.key" in added.output
         key = site.robot("A1").key.read_bytes()
         assert "valid until it expires" in run(broker, "rotate", "A1").output
