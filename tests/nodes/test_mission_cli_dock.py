@@ -49,4 +49,4 @@ def test_ctrl_c_cancels_and_waits_for_the_end(start: Start, docking: FakeDocking
     assert interrupted.wait() == 1
     assert docking.cancelled == 1
     assert interrupted.output().splitlines()[-1] == "error: failed: cancelled (error 914)"
-    wait_for(lambda: docking._state == "IDLE", "the goal has ended")
+    wait_for(docking.idle, "the goal has ended")
