@@ -6,8 +6,13 @@ Angles in rad, lengths in m, right-handed frames with z up (REP 103). Pure funct
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
+
+_PLANAR: Final = (0, 1, 5)  # x, y, yaw of x, y, z, roll, pitch, yaw
+_UNMEASURED: Final = (2, 3, 4)
+_HUGE_VARIANCE: Final = 1e6
 
 
 def wrap_angle(angle_rad: float) -> float:
@@ -117,3 +122,14 @@ def planar_pose(position: Vector, orientation: Quaternion) -> Pose2:
 def quaternion_from_yaw(yaw_rad: float) -> tuple[float, float, float, float]:
     """Unit quaternion (x, y, z, w) of a pure yaw."""
     return 0.0, 0.0, math.sin(0.5 * yaw_rad), math.cos(0.5 * yaw_rad)
+
+
+def covariance_of_message(planar: Sequence[float]) -> list[float]:
+    """Row-major 6 x 6 of a 3 x 3 covariance of (x, y, yaw). Unmeasured components have a huge variance."""
+    full = [0.0] * 36
+    for row, i in enumerate(_PLANAR):
+        for column, j in enumerate(_PLANAR):
+            full[6 * i + j] = planar[3 * row + column]
+    for i in _UNMEASURED:
+        full[7 * i] = _HUGE_VARIANCE
+    return full

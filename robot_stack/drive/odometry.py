@@ -24,8 +24,6 @@ _FEWEST_MODULES = 2
 Matrix3 = tuple[float, float, float, float, float, float, float, float, float]
 _ZERO_MATRIX: Matrix3 = (0.0,) * 9
 _ALL = (0, 1, 2, 3)
-_PLANAR, _UNKNOWN = (0, 1, 5), (2, 3, 4)  # x, y, yaw; z, roll, pitch
-_HUGE_VARIANCE = 1e6
 _JUMP = 2.0  # an encoder that reports more than this multiple of the largest speed or rate has jumped
 
 
@@ -257,14 +255,3 @@ def _propagated(p: Matrix3, old: Pose2, new: Pose2, growth: tuple[float, float])
 def _sum(a: Matrix3, b: Matrix3) -> Matrix3:
     c = [x + y for x, y in zip(a, b, strict=True)]
     return c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8]
-
-
-def planar_covariance(covariance: Matrix3) -> list[float]:
-    """A covariance of (x, y, yaw) as the row-major 6 x 6 of a message; unmeasured components have a huge variance."""
-    full = [0.0] * 36
-    for row, i in enumerate(_PLANAR):
-        for column, j in enumerate(_PLANAR):
-            full[6 * i + j] = covariance[3 * row + column]
-    for i in _UNKNOWN:
-        full[7 * i] = _HUGE_VARIANCE
-    return full

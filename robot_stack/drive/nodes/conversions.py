@@ -12,11 +12,11 @@ from sensor_msgs.msg import JointState
 from custom_msgs.msg import SwerveModuleCommand, SwerveModuleCommandArray, VelocityLimit
 from robot_stack.contract import frames
 from robot_stack.contract.faults import split_codes
-from robot_stack.core.geometry import Pose2
+from robot_stack.core.geometry import Pose2, covariance_of_message
 from robot_stack.core.limits import SafetyLimit
 from robot_stack.core.robot import Robot
 from robot_stack.drive.kinematics import ModuleSetPoints
-from robot_stack.drive.odometry import Encoders, Odometry, planar_covariance
+from robot_stack.drive.odometry import Encoders, Odometry
 from robot_stack.middleware.conversions import pose_to_msg, transform_stamped, twist_to_msg
 from robot_stack.wmx.axes import StatusSnapshot
 from tf2_msgs.msg import TFMessage
@@ -52,9 +52,9 @@ def odometry_message(odometry: Odometry, stamp: Time) -> OdometryMessage:
     message = OdometryMessage(child_frame_id=frames.BASE_LINK)
     message.header.stamp, message.header.frame_id = stamp, frames.ODOM
     message.pose.pose = pose_to_msg(odometry.pose)
-    message.pose.covariance = planar_covariance(odometry.pose_covariance)
+    message.pose.covariance = covariance_of_message(odometry.pose_covariance)
     message.twist.twist = twist_to_msg(odometry.twist)
-    message.twist.covariance = planar_covariance(odometry.twist_covariance)
+    message.twist.covariance = covariance_of_message(odometry.twist_covariance)
     return message
 
 

@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from robot_stack.core.config import Config
+from robot_stack.core.geometry import covariance_of_message
 from robot_stack.core.limits import MotionLimits
 from robot_stack.wmx.api import MAX_AXES
 from robot_stack.wmx.differential.kinematics import BaseGeometry, WheelAxes
@@ -23,8 +24,6 @@ Polarity = Literal[1, -1]
 Matrix3 = tuple[float, ...]
 """3 x 3, row-major."""
 _UNSET = "no_param"
-_PLANAR, _UNMEASURED = (0, 1, 5), (2, 3, 4)  # x, y, yaw; z, roll, pitch
-_HUGE_VARIANCE = 1e6
 _UNLIMITED = 1e6  # m/s2, rad/s3 and the like: any command is reached within one step
 
 
@@ -146,18 +145,7 @@ def parameter_file(params: DiffDriveParams, config_folder: Path) -> str:
     return str(config_folder / file) if named(file) else ""
 
 
-def pose_covariance(planar: Matrix3) -> list[float]:
-    """6 x 6, row-major, of a covariance of (x, y, yaw). Unmeasured components have a huge variance."""
-    full = [0.0] * 36
-    for index in _UNMEASURED:
-        full[7 * index] = _HUGE_VARIANCE
-    for row, i in enumerate(_PLANAR):
-        for column, j in enumerate(_PLANAR):
-            full[6 * i + j] = planar[3 * row + column]
-    return full
-
-
 def twist_covariance(params: OdometryParams) -> list[float]:
     """6 x 6, row-major: measured forward speed and turning rate, and zero lateral slip."""
     forward, turning = params.twist_deviation_mps**2, params.twist_deviation_radps**2
-    return pose_covariance((forward, 0.0, 0.0, 0.0, forward, 0.0, 0.0, 0.0, turning))
+    return covariance_of_message((forward, 0.0, 0.0, 0.0, forward, 0.0, 0.0, 0.0, turning))

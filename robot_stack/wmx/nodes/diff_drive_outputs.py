@@ -9,12 +9,13 @@ from std_msgs.msg import Float64MultiArray
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
+from robot_stack.core.geometry import covariance_of_message
 from robot_stack.middleware.conversions import pose_to_msg, transform_stamped
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.port import Publisher
 from robot_stack.wmx.differential.kinematics import WheelPair
 from robot_stack.wmx.differential.odometry import Odometry
-from robot_stack.wmx.differential.params import DiffDriveParams, named, pose_covariance, twist_covariance
+from robot_stack.wmx.differential.params import DiffDriveParams, named, twist_covariance
 from tf2_msgs.msg import TFMessage
 
 
@@ -53,7 +54,7 @@ class DiffDriveOutputs:
         message.twist.twist.linear.x, message.twist.twist.angular.z = twist
         if odometry is not None:
             message.pose.pose = pose_to_msg(odometry.pose)
-            message.pose.covariance = pose_covariance(odometry.covariance)
+            message.pose.covariance = covariance_of_message(odometry.covariance)
             if self._tf is not None:
                 self._tf.publish(TFMessage(transforms=[transform_stamped(odometry.pose, *self._frames, stamp)]))
         if self._odom is not None:

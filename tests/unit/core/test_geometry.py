@@ -16,6 +16,7 @@ from robot_stack.core.geometry import (
     IDENTITY,
     Pose2,
     Twist2,
+    covariance_of_message,
     exp_se2,
     planar_pose,
     quaternion_from_yaw,
@@ -84,3 +85,10 @@ def test_is_finite(bad: float) -> None:
 def test_speed_and_scale() -> None:
     assert Twist2(3.0, 4.0, 1.0).speed() == 5.0
     assert Twist2(3.0, 4.0, 1.0).scaled(0.5) == Twist2(1.5, 2.0, 0.5)
+
+
+def test_covariance_of_message_puts_x_y_yaw_in_their_places() -> None:
+    full = covariance_of_message((1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0))
+    assert [full[i] for i in (0, 1, 5, 6, 7, 11, 30, 31, 35)] == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]
+    assert [full[i] for i in (14, 21, 28)] == [1e6] * 3
+    assert sum(value != 0.0 for value in full) == 12

@@ -14,7 +14,6 @@ from robot_stack.wmx.differential.params import (
     motion_limits,
     named,
     parameter_file,
-    pose_covariance,
     twist_covariance,
 )
 
@@ -93,13 +92,6 @@ def test_limits_are_off_as_documented_and_each_can_be_set_alone() -> None:
 @pytest.mark.parametrize(("name", "is_one"), [("/odom_enc", True), ("", False), ("/diff_drive/no_param", False)])
 def test_empty_and_no_param_are_not_names(name: str, is_one: bool) -> None:
     assert named(name) is is_one
-
-
-def test_pose_covariance_puts_x_y_yaw_in_their_places() -> None:
-    full = pose_covariance((1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0))
-    assert [full[i] for i in (0, 1, 5, 6, 7, 11, 30, 31, 35)] == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]
-    assert [full[i] for i in (14, 21, 28)] == [1e6] * 3
-    assert sum(value != 0.0 for value in full) == 12
 
 
 def test_twist_covariance_is_the_square_of_the_deviations() -> None:
