@@ -52,10 +52,7 @@ def grip(state: Annotated[Grip, typer.Argument(help="close or open.")], timeout_
     """Close or open the gripper."""
     from robot_stack.cli.nodes.arm_goals import set_gripper
 
-    try:
-        success, message = set_gripper(state is Grip.CLOSE, timeout_s)
-    except TimeoutError as error:
-        raise CommandError(str(error)) from None
+    success, message = set_gripper(state is Grip.CLOSE, timeout_s)
     if not success:
         raise CommandError(message)
     print(message)
@@ -88,10 +85,7 @@ def _follow(waypoints: Sequence[Waypoint], timeout_s: float) -> None:
     from robot_stack.cli.nodes.arm_goals import follow_trajectory
 
     progress = Progress()
-    try:
-        ended = follow_trajectory(JOINTS, waypoints, progress.report, timeout_s)
-    except TimeoutError as error:
-        raise CommandError(str(error)) from None
+    ended = follow_trajectory(JOINTS, waypoints, progress.report, timeout_s)
     if not ended.success:
         raise CommandError(f"failed: {ended.reason}")
     print(f"goal reached; at most {1e3 * progress.worst_rad:.1f} mrad from the spline")

@@ -44,10 +44,7 @@ def _follow(row: Action, goal: dict[str, Any], describe: Any, timeout_s: float) 
             shown[:] = [line]
             print(line, flush=True)
 
-    try:
-        ended = follow_action(row, goal, report, timeout_s)
-    except TimeoutError as error:
-        raise CommandError(str(error)) from None
+    ended = follow_action(row, goal, report, timeout_s)
     if not ended.success:
         raise CommandError(f"failed: {ended.reason}")
 

@@ -93,11 +93,8 @@ def status(
     """Follow /docking/status in one line until Ctrl-C."""
     from robot_stack.cli.nodes.docking_status import watch_docking
 
-    try:
-        with contextlib.suppress(KeyboardInterrupt):
-            watch_docking(_shower(), timeout_s, follow=not once)
-    except TimeoutError as error:
-        raise CommandError(str(error)) from None
+    with contextlib.suppress(KeyboardInterrupt):
+        watch_docking(_shower(), timeout_s, follow=not once)
 
 
 def _shower() -> Callable[[str, str], None]:

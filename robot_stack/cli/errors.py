@@ -21,6 +21,10 @@ class CommandError(Exception):
         self.code = code
 
 
+class NoAnswer(CommandError):
+    """No node answered within the timeout."""
+
+
 @contextmanager
 def writing(path: Path) -> Iterator[None]:
     """Raises CommandError naming ``path`` if the block raises OSError."""

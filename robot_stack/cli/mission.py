@@ -80,11 +80,8 @@ def watch(
             shown[:] = [line]
             print(line, flush=True)
 
-    try:
-        with contextlib.suppress(KeyboardInterrupt):
-            watch_mission(report, timeout_s, follow=not once)
-    except TimeoutError as error:
-        raise CommandError(str(error)) from None
+    with contextlib.suppress(KeyboardInterrupt):
+        watch_mission(report, timeout_s, follow=not once)
 
 
 def describe(status: Mission) -> str:
@@ -106,10 +103,7 @@ def describe(status: Mission) -> str:
 def _command(command: str, mission_id: str, timeout_s: float) -> None:
     from robot_stack.cli.nodes.operator_commands import command_mission
 
-    try:
-        status = command_mission(command, mission_id, timeout_s)
-    except TimeoutError as error:
-        raise CommandError(str(error)) from None
+    status = command_mission(command, mission_id, timeout_s)
     if not status.accepted:
         raise CommandError(f"{command} was refused: {status.reason}")
     print(describe(status))

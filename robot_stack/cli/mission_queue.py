@@ -29,10 +29,7 @@ def list_orders(timeout_s: Timeout = 5.0) -> None:
     """The orders under way and waiting, in their sequence, and why none starts."""
     from robot_stack.cli.nodes.mission_queue import read_queue
 
-    try:
-        print_queue(read_queue(timeout_s))
-    except TimeoutError as error:
-        raise CommandError(str(error)) from None
+    print_queue(read_queue(timeout_s))
 
 
 @queue.command()
@@ -101,12 +98,9 @@ def _edit(operation: str, timeout_s: float, *, order_id: str = "", **fields: Any
     new = operation in ("ADD", "REPLACE") and not order_id
     earliest = fields.pop("earliest", None)
     fields["earliest_s"] = earliest.timestamp() if earliest else 0.0
-    try:
-        success, message = edit_queue(
-            operation, timeout_s, order_id=f"cli_{uuid.uuid4().hex[:8]}" if new else order_id, **fields
-        )
-    except TimeoutError as error:
-        raise CommandError(str(error)) from None
+    success, message = edit_queue(
+        operation, timeout_s, order_id=f"cli_{uuid.uuid4().hex[:8]}" if new else order_id, **fields
+    )
     if not success:
         raise CommandError(message)
     print(message)

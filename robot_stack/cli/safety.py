@@ -63,10 +63,7 @@ def reset(timeout_s: Timeout = 5.0, clear: Clear = None) -> None:
     if answer is None or not answer[0]:
         from robot_stack.cli.nodes.operator_commands import reset as ask_for_reset
 
-        try:
-            answer = ask_for_reset(timeout_s, clear or ())
-        except TimeoutError as error:
-            raise CommandError(str(error)) from None
+        answer = ask_for_reset(timeout_s, clear or ())
     granted, reason = answer
     if not granted:
         raise CommandError(reason + _CLEAR_HINT)

@@ -29,7 +29,7 @@ def follow_trajectory(
 
 
 def set_gripper(close: bool, timeout_s: float) -> tuple[bool, str]:
-    """(success, message) of the trajectory server. Raises TimeoutError."""
+    """(success, message) of the trajectory server. Raises NoAnswer."""
     with Operator() as operator:
         response = operator.call(services.SET_GRIPPER, timeout_s, data=close)
         return response.success, response.message

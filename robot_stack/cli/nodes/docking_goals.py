@@ -9,6 +9,7 @@ from typing import Any
 from action_msgs.msg import GoalStatus
 from rclpy.action import ActionClient
 
+from robot_stack.cli.errors import NoAnswer
 from robot_stack.cli.nodes.operator import Operator
 from robot_stack.contract import topics
 from robot_stack.contract.model import Action, ContractViolation
@@ -34,7 +35,7 @@ def follow_action(
     """Sends a goal, calls ``report`` with each feedback, and returns its end, which ``end`` reads from the result.
 
     KeyboardInterrupt cancels the goal; then its end is awaited for at most ``timeout_s``.
-    Raises TimeoutError without a server, an answer or an end within ``timeout_s``.
+    Raises NoAnswer without a server, an answer or an end within ``timeout_s``.
     """
     if topics.OPERATOR_TOOL not in row.clients:
         raise ContractViolation(f"{topics.OPERATOR_TOOL} may not call {row.name}")
@@ -43,12 +44,12 @@ def follow_action(
         client = ActionClient(operator.node, action, row.name)
         try:
             if not operator.wait(client.server_is_ready, timeout_s):
-                raise TimeoutError(f"no {row.server} offers {row.name}: is it running?")
+                raise NoAnswer(f"no {row.server} offers {row.name}: is it running?")
             handle = new_goal(client)
             answer = client.send_goal_async(action.Goal(**goal), lambda m: report(m.feedback), handle.goal_id)
             try:
                 return _follow(operator, row, answer, timeout_s, end or _end)
-            except TimeoutError:
+            except NoAnswer:
                 handle.cancel_goal_async()  # it is no longer monitored
                 raise
         finally:
@@ -70,14 +71,14 @@ def _follow(operator: Operator, row: Action, answer: Any, timeout_s: float, end:
         result = handle.get_result_async()
         handle.cancel_goal_async()
         if not operator.wait(result.done, timeout_s):
-            raise TimeoutError(f"{row.server} does not end the cancelled goal: stop the robot") from None
+            raise NoAnswer(f"{row.server} does not end the cancelled goal: stop the robot") from None
     return end(result.result())
 
 
 def _accepted(operator: Operator, row: Action, answer: Any, timeout_s: float) -> Any:
-    """The accepted goal's handle, None if it was rejected. Raises TimeoutError without an answer."""
+    """The accepted goal's handle, None if it was rejected. Raises NoAnswer without an answer."""
     if not operator.wait(answer.done, timeout_s):
-        raise TimeoutError(f"{row.server} does not answer")
+        raise NoAnswer(f"{row.server} does not answer")
     handle = answer.result()
     return handle if handle.accepted else None
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 
 from custom_msgs.msg import DockingStatus
+from robot_stack.cli.errors import NoAnswer
 from robot_stack.cli.nodes.operator import Operator
 from robot_stack.contract import topics
 from robot_stack.docking.tools.status_line import describe, silent
@@ -14,12 +15,12 @@ _SILENT = "SILENT"
 
 
 def watch_docking(show: Callable[[str, str], None], timeout_s: float, follow: bool) -> None:
-    """Calls ``show(state, line)`` with each status until interrupted, or once. Raises TimeoutError without a status."""
+    """Calls ``show(state, line)`` with each status until interrupted, or once. Raises NoAnswer without a status."""
     received: list[DockingStatus] = []
     with Operator() as operator:
         operator.subscribe(topics.DOCKING_STATUS, received.append)
         if not operator.wait(lambda: received, timeout_s):
-            raise TimeoutError("no /docking/status: is the stack running?")
+            raise NoAnswer("no /docking/status: is the stack running?")
         received_s = time.monotonic()
         while True:
             if received:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from custom_msgs.msg import MissionOrder
 from custom_msgs.srv import EditMissionQueue
+from robot_stack.cli.errors import NoAnswer
 from robot_stack.cli.nodes.operator import Operator
 from robot_stack.contract import services, topics
 from robot_stack.middleware.conversions import time_from_s, time_to_s
@@ -42,11 +43,11 @@ class Queue:
 
 
 def read_queue(timeout_s: float) -> Queue:
-    """Raises TimeoutError without a mission manager."""
+    """Raises NoAnswer without a mission manager."""
     with Operator() as operator:
         message = operator.receive(topics.MISSION_QUEUE, timeout_s)
     if message is None:
-        raise TimeoutError("no /mission/queue: is the stack running?")
+        raise NoAnswer("no /mission/queue: is the stack running?")
     return Queue(
         message.reason, tuple(_shown(order) for order in (*message.current, *message.orders)), message.paused_by
     )
@@ -62,7 +63,7 @@ def edit_queue(
     earliest_s: float = 0.0,
     steps: int = 0,
 ) -> tuple[bool, str]:
-    """(done, what was done or why not). operation: a constant of EditMissionQueue. Raises TimeoutError."""
+    """(done, what was done or why not). operation: a constant of EditMissionQueue. Raises NoAnswer."""
     order = MissionOrder(
         id=order_id,
         mission_id=mission_id,

@@ -10,6 +10,7 @@ from typing import Any
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 
+from robot_stack.cli.errors import NoAnswer
 from robot_stack.contract import topics
 from robot_stack.contract.model import ContractViolation, Service, Topic
 from robot_stack.middleware.emergency_stop import StopSource
@@ -71,15 +72,15 @@ class Operator:
         return bool(publisher.wait_for_all_acked(Duration(seconds=max(0.0, end_s - time.monotonic()))))
 
     def call(self, row: Service, timeout_s: float, **request: Any) -> Any:
-        """Calls a service with the fields ``request`` and returns its response. Raises TimeoutError."""
+        """Calls a service with the fields ``request`` and returns its response. Raises NoAnswer."""
         service = interface_class(row.type)
         client = self.node.create_client(service, row.name)
         try:
             if not self.wait(client.service_is_ready, timeout_s):
-                raise TimeoutError(f"{row.name} has no server")
+                raise NoAnswer(f"{row.name} has no server")
             future = client.call_async(service.Request(**request))
             if not self.wait(future.done, timeout_s):
-                raise TimeoutError(f"{row.server} does not answer {row.name}")
+                raise NoAnswer(f"{row.server} does not answer {row.name}")
             return future.result()
         finally:
             self.node.destroy_client(client)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from custom_msgs.msg import MissionStatus, SafetyStatus, UICommand
+from robot_stack.cli.errors import NoAnswer
 from robot_stack.cli.nodes.operator import Operator
 from robot_stack.contract import services, topics
 
@@ -47,13 +48,13 @@ def reset(timeout_s: float, clear: Sequence[str] = ()) -> tuple[bool, str]:
 
     clear: sources whose press is cleared first, because they cannot release it themselves. A press of this tool is
     always cleared: the process that pressed has ended.
-    Raises TimeoutError without a safety monitor.
+    Raises NoAnswer without a safety monitor.
     """
     with Operator() as operator:
         source, stop, _ = operator.stop_source()
         source.publish(False)
         if not operator.deliver(stop, timeout_s):
-            raise TimeoutError("/emergency_stop has no subscriber: is the stack running?")
+            raise NoAnswer("/emergency_stop has no subscriber: is the stack running?")
         operator.call(services.CLEAR_EMERGENCY_STOP, timeout_s, source=topics.OPERATOR_TOOL)
         for name in clear:
             answer = operator.call(services.CLEAR_EMERGENCY_STOP, timeout_s, source=name)
@@ -102,7 +103,7 @@ def _mission(message: MissionStatus) -> Mission:
 
 
 def command_mission(command: str, mission_id: str, timeout_s: float) -> Mission:
-    """Sends a UI command and returns the status with its answer. Raises TimeoutError without an answer."""
+    """Sends a UI command and returns the status with its answer. Raises NoAnswer without an answer."""
     received: list[Mission] = []
     with Operator() as operator:
         publisher = operator.advertise(topics.UI_COMMAND)
@@ -110,23 +111,23 @@ def command_mission(command: str, mission_id: str, timeout_s: float) -> Mission:
         # The latched previous status arrives first; the next one that names the command is the answer.
         manager = operator.wait(lambda: received and publisher.get_subscription_count() > 0, timeout_s)
         if not manager:
-            raise TimeoutError("no mission manager answers: is the stack running?")
+            raise NoAnswer("no mission manager answers: is the stack running?")
         received.clear()
         message = UICommand(command_type=command, mission_id=mission_id)
         message.header.stamp = operator.node.get_clock().now().to_msg()
         publisher.publish(message)
         if not operator.wait(lambda: any(item.last_command == command for item in received), timeout_s):
-            raise TimeoutError(f"the mission manager does not answer {command}")
+            raise NoAnswer(f"the mission manager does not answer {command}")
         return next(item for item in received if item.last_command == command)
 
 
 def watch_mission(report: Callable[[Mission], Any], timeout_s: float, follow: bool) -> None:
-    """Calls ``report`` with the status and, to follow, with each new one until interrupted. Raises TimeoutError."""
+    """Calls ``report`` with the status and, to follow, with each new one until interrupted. Raises NoAnswer."""
     received: list[Mission] = []
     with Operator() as operator:
         operator.subscribe(topics.MISSION_STATUS, lambda message: received.append(_mission(message)))
         if not operator.wait(lambda: received, timeout_s):
-            raise TimeoutError("no /mission/status: is the stack running?")
+            raise NoAnswer("no /mission/status: is the stack running?")
         while True:
             for item in received:
                 report(item)
