@@ -1,4 +1,4 @@
-"""A ride to look at: ``python -m sim.demo`` starts the stack in the simulation, sends a mission and tells how it goes.
+"""A ride to look at: ``python -m sim.demo`` starts the stack in the simulation, sends a mission, reports progress.
 
 Ends with one line of result, the paths of its plots, and exit code 0 if the robot arrived. The state of its stack
 (latched stop, journal, corrections, missions) lies in the folder of the results: no earlier run stops a demo, and a
@@ -171,13 +171,13 @@ def _ride(options: argparse.Namespace, mission: Mission, folder: Path) -> int:
 
 def _settings(options: argparse.Namespace) -> list[str]:
     start = options.start or load_world(options.world).start.pose()
-    believed = wrong_start(start, options.start_error_m, options.start_error_deg)
+    estimated = wrong_start(start, options.start_error_m, options.start_error_deg)
     return [
         *world_settings(options.world),
         *(pose_settings("sim_world.start", start) if options.start else []),
         *(f"{node}.seed={options.seed}" for node in WORLDLY),
         # Without a map localization cannot correct a wrong start.
-        *pose_settings("ndt_localization.start", believed if own_map(options.world) else start),
+        *pose_settings("ndt_localization.start", estimated if own_map(options.world) else start),
     ]
 
 

@@ -83,8 +83,8 @@ class WorldProcess:
             return tasks
         clock = self._time
         block = self._node.params.block_steps
-        tell = Task(block, lambda: clock.write(self._sim.time_s, block * dt_s))
-        return (tell, every(_CLOCK_RATE_HZ, lambda: clock.publish(self._sim.time_s)), *tasks)
+        write = Task(block, lambda: clock.write(self._sim.time_s, block * dt_s))
+        return (write, every(_CLOCK_RATE_HZ, lambda: clock.publish(self._sim.time_s)), *tasks)
 
     def _before_block(self) -> None:
         if self._time is not None:

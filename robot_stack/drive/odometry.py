@@ -123,12 +123,12 @@ class SwerveOdometry:
 
     def _advanced(self, last: Encoders, reading: Encoders, elapsed_s: float) -> Odometry:
         interval = self._interval(last, reading, elapsed_s)
-        believed, faults = self._plausible(interval)
-        if len(believed) < _FEWEST_MODULES:
+        plausible, faults = self._plausible(interval)
+        if len(plausible) < _FEWEST_MODULES:
             faults.append(f"fewer than {_FEWEST_MODULES} modules are plausible: the pose is not updated")
             self._previous = None
             return replace(self._odometry, twist=ZERO_TWIST, slipping=True, used=(), faults=tuple(faults))
-        pose, motion, fit = self._moved(interval, believed)
+        pose, motion, fit = self._moved(interval, plausible)
         if faults:
             self._previous = None
         twist = self._twist(motion, elapsed_s)
@@ -164,7 +164,7 @@ class SwerveOdometry:
         """(modules with plausible readings, errors of the others)."""
         elapsed_s = interval.elapsed_s
         most_m, most_rad = _JUMP * self._max_wheel_speed_mps * elapsed_s, _JUMP * self._max_rate_radps * elapsed_s
-        believed, faults = [], []
+        plausible, faults = [], []
         for i, name in enumerate(MODULES):
             distance_m, turn_rad = interval.ways_m[i], interval.turns_rad[i]
             if abs(distance_m) > most_m:
@@ -172,10 +172,10 @@ class SwerveOdometry:
             elif abs(turn_rad) > most_rad:
                 faults.append(_jump(f"{name}_steer", "rad", turn_rad, most_rad, elapsed_s))
             else:
-                believed.append(i)
-        return believed, faults
+                plausible.append(i)
+        return plausible, faults
 
-    def _moved(self, interval: Interval, believed: list[int]) -> tuple[Pose2, Twist2, WheelFit]:
+    def _moved(self, interval: Interval, plausible: list[int]) -> tuple[Pose2, Twist2, WheelFit]:
         """(new pose, sum of the body's motions, the worst of the fits)."""
         s = self._params
         parts = self._parts(interval)
@@ -184,7 +184,7 @@ class SwerveOdometry:
         for piece in self._pieces(interval, parts):
             second_difference = curvature(piece, self._previous, self._max_acceleration_radps2)
             wheels = displacements(piece, second_difference)
-            fit = robust_fit(self._positions, wheels, slack_m / parts, believed)
+            fit = robust_fit(self._positions, wheels, slack_m / parts, plausible)
             if parts == 1 and fit.consistent and len(fit.used) == len(MODULES):
                 self.calibration.observe(wheels)
             motion = with_commutator(fit.motion, second_difference)

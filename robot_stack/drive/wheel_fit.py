@@ -33,7 +33,7 @@ class WheelFit:
 
 
 def robust_fit(
-    positions: Positions, displacements: Vectors, tolerance_m: float, believed: Sequence[int] = _ALL
+    positions: Positions, displacements: Vectors, tolerance_m: float, plausible: Sequence[int] = _ALL
 ) -> WheelFit:
     """The fit of the modules that agree within ``tolerance_m``.
 
@@ -41,10 +41,10 @@ def robust_fit(
     module exists, all are used and the result is marked inconsistent: more than one wheel slips. At least two modules
     must be given.
     """
-    best = _fit(positions, displacements, tuple(believed), tolerance_m)
-    if best.consistent or len(believed) <= _FEWEST_TO_AGREE:
+    best = _fit(positions, displacements, tuple(plausible), tolerance_m)
+    if best.consistent or len(plausible) <= _FEWEST_TO_AGREE:
         return best
-    rests = [tuple(i for i in believed if i != out) for out in believed]
+    rests = [tuple(i for i in plausible if i != out) for out in plausible]
     candidates = [_fit(positions, displacements, rest, tolerance_m) for rest in rests]
     agreeing = min(candidates, key=lambda candidate: candidate.rms_m)
     return agreeing if agreeing.consistent else best

@@ -225,10 +225,10 @@ def _take_steps(cells: Float, active: Int, kind: Bytes, free: Float) -> None:
                     if raised and abs(cells[t, j, DISTANCE] - d) < np.float32(0.25):
                         shown = True
                 witnesses += shown
-            believed = witnesses >= _WITNESSES
-            if not believed and kind[s, k] == STEP:
+            confirmed = witnesses >= _WITNESSES
+            if not confirmed and kind[s, k] == STEP:
                 kind[s, k], cells[s, k, GROUND_M] = FLOOR, cells[s, k, HEIGHT]
-            elif believed and cells[s, k, RISE] > np.float32(0.0):
+            elif confirmed and cells[s, k, RISE] > np.float32(0.0):
                 # A cell classified by the cone keeps its height above the last ground.
                 if kind[s, k] == FLOOR:
                     cells[s, k, GROUND_M] = cells[s, k, GROUND_M] - cells[s, k, RISE]

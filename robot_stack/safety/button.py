@@ -60,6 +60,6 @@ class EmergencyButton:
         # A button first read as released publishes no release: another source's true must not be followed by a false.
         return None if was is None and not self.pressed else self.pressed
 
-    def overheard(self, pressed: bool) -> bool:
+    def contradicts(self, pressed: bool) -> bool:
         """Handles a message of any source; returns True if the button has to contradict with a true."""
         return self.pressed is True and not pressed

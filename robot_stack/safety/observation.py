@@ -66,7 +66,7 @@ class Observation:
         self.edge = EdgeWatch(robot.safety_edge is not None, params.button_debounce_s)
         self._settle_s = params.startup_settle_s
         self._criticality = {name: processes.BY_NAME[name].criticality for name in params.expected_processes}
-        self._heard_s: dict[str, float] = {}
+        self._heartbeat_s: dict[str, float] = {}
         motion = PlanarAcceleration(params.kinematic_filter_s, params.kinematic_max_mps2)
         up = UpDirection(params.attitude_time_constant_s, params.attitude_settle_s, params.attitude_max_gap_s)
         self.estop = EstopWatch()
@@ -126,7 +126,7 @@ class Observation:
         self._overspeed.limited(limit, limit.is_hard_stop(), self._robot.motion(self.chair.carried), now_s)
 
     def heartbeat(self, process: str, now_s: float) -> None:
-        self._heard_s[process] = now_s
+        self._heartbeat_s[process] = now_s
         link = {_EHMI: self.ehmi, _UI: self.ui}.get(process)
         if link is not None:
             link.process_heard(now_s)
@@ -208,7 +208,7 @@ class Observation:
             battery=self._battery.value,
             latch_problem=self.latch_problem,
             processes={
-                name: ProcessAge(criticality, age_s(now_s, self._heard_s.get(name)))
+                name: ProcessAge(criticality, age_s(now_s, self._heartbeat_s.get(name)))
                 for name, criticality in self._criticality.items()
             },
             cameras=self._cameras.ages_s(now_s, stale_s(topics.DOCKING_STATUS)),
@@ -301,4 +301,4 @@ class Observation:
     def _complete(self) -> bool:
         """Every critical process has sent a heartbeat. Until then the machine is under start-up load."""
         critical = (name for name, criticality in self._criticality.items() if criticality is Criticality.CRITICAL)
-        return all(name in self._heard_s for name in critical)
+        return all(name in self._heartbeat_s for name in critical)

@@ -109,7 +109,7 @@ class StopSources:
         self._newest_s: dict[str, float] = {}  # of any process of that name
         self._unexplained = Arrivals()  # trues without a report
         self._adoptable = Arrivals()  # trues that became unknown, and that a new process may still explain
-        self._surely_unknown = _NOBODY.instance in self._presses
+        self._surely_unknown = _UNKNOWN_PRESS.instance in self._presses
         self._announced = Arrivals()  # reports of a press without its true
 
     @property
@@ -206,7 +206,7 @@ class StopSources:
         adopted = self._unexplained.take(presses)
         adopted += self._adoptable.take(presses - adopted)
         if not self._adoptable and not self._surely_unknown:
-            self._presses.pop(_NOBODY.instance, None)
+            self._presses.pop(_UNKNOWN_PRESS.instance, None)
         if report.pressed and not adopted:
             self._announced.add(now_s)
 
@@ -223,7 +223,7 @@ class StopSources:
         return last is not None and age_s(now_s, last.at_s) <= self._stale_s
 
     def _press_unknown(self) -> None:
-        self._presses.setdefault(_NOBODY.instance, _NOBODY)
+        self._presses.setdefault(_UNKNOWN_PRESS.instance, _UNKNOWN_PRESS)
 
     def _age(self, now_s: float) -> None:
         """Trues that have waited too long get an unknown source; reports that have waited too long explain nothing."""
@@ -237,7 +237,7 @@ class StopSources:
         self._announced.expire(self._explain_s, now_s)
 
 
-_NOBODY = Press(UNKNOWN, 0)
+_UNKNOWN_PRESS = Press(UNKNOWN, 0)
 
 
 class SourcePresence:

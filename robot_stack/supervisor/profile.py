@@ -138,7 +138,7 @@ def load_plan(
     chosen = [process for process in chosen if process not in left_out]
     parameters = _parameters(file, settings, processes, path)
     nodes = {node for process in chosen for node in process.nodes}
-    _tell_monitors(parameters, chosen)
+    _configure_monitors(parameters, chosen)
     return Plan(
         name=path.stem,
         path=path,
@@ -153,7 +153,7 @@ def load_plan(
     )
 
 
-def _tell_monitors(parameters: dict[str, dict[str, Any]], chosen: Sequence[Process]) -> None:
+def _configure_monitors(parameters: dict[str, dict[str, Any]], chosen: Sequence[Process]) -> None:
     """Sets the monitors' lists to the processes that run here."""
     known = [process.name for process in chosen if process.name in BY_NAME]
     for monitor in (_SAFETY_MONITOR, _SYSTEM_MONITOR):

@@ -126,7 +126,7 @@ class Firmware:
         if not self._ready_sent:
             self._ready_sent = True
             self._answer("READY", now_s)
-        self._tell_fault(now_s)
+        self._report_fault(now_s)
         data = b""
         while self._outbox and self._outbox[0][0] <= now_s:
             data += self._outbox.popleft()[1]
@@ -144,7 +144,7 @@ class Firmware:
         due_s = min(self._fault_report.due_s, self._outbox[0][0] if self._outbox else math.inf)
         return min(due_s, self._garbage_s + _GARBAGE_S) if self.troubles.garbage else due_s
 
-    def _tell_fault(self, now_s: float) -> None:
+    def _report_fault(self, now_s: float) -> None:
         timer, code = self._fault_report, self.troubles.fault
         if now_s < timer.due_s:
             return

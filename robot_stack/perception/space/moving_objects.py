@@ -23,7 +23,7 @@ from robot_stack.perception.params import MovingObjectParams
 Floats = NDArray[np.float64]
 _SHOWN = 24  # points published per object
 _MOST = 300  # largest number of evaluated cells: a dozen people beside the robot give fewer
-NOBODY: NDArray[np.float32] = np.empty((0, 5), np.float32)
+NOTHING_MOVES: NDArray[np.float32] = np.empty((0, 5), np.float32)
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,7 +247,7 @@ class MovingObjects:
         """(n, 5) x, y, z, vx, vy in base_link at ``pose``, m, m/s: points of moving objects, predicted to the stamp."""
         found = [self._points(track, stamp_s) for track in self._tracks if track.moves and self._there(track, stamp_s)]
         if not found:
-            return NOBODY
+            return NOTHING_MOVES
         rows, (c, s) = np.concatenate(found), (math.cos(pose.yaw), math.sin(pose.yaw))
         dx, dy, vx, vy = rows[:, 0] - pose.x, rows[:, 1] - pose.y, rows[:, 3], rows[:, 4]
         turned = [c * dx + s * dy, c * dy - s * dx, rows[:, 2], c * vx + s * vy, c * vy - s * vx]

@@ -25,9 +25,9 @@ from robot_stack.perception.space.space import SpaceGrid
 Floats = NDArray[np.float64]
 # Share of a cluster's cells at its people.
 _EXPLAINED = 0.8
-# Cells of someone hidden, at least; fewer returns there may be noise.
+# Cells of a hidden person, at least; fewer returns there may be noise.
 _CELLS = 4
-# For so long someone who has arrived still counts as walking.
+# For so long a person who has arrived still counts as walking.
 _ARRIVES_S = 1.5
 _JOINED = np.ones((3, 3), np.int8)
 
@@ -78,7 +78,7 @@ class People:
         return self.people
 
     def _is_hidden(self, grid: SpaceGrid, one: Person, stamp_s: float) -> bool:
-        """True if someone who has stopped does not return, and the grid keeps the place because no ray passes it."""
+        """True if a person who has stopped gives no return, and the grid keeps the place because no ray passes it."""
         if not one.walked or one.box is None or one.walks:
             return False
         places = (np.array(one.box) - (*grid.corner_m, *grid.corner_m)) / grid.cell_m

@@ -52,7 +52,7 @@ class EmergencyStopButtonNode(StackNode):
     def _on_emergency_stop(self, message: Bool) -> None:
         super()._on_emergency_stop(message)
         with self._turn:
-            if self._button.overheard(message.data):
+            if self._button.contradicts(message.data):
                 self._stop.publish(True)
 
     def destroy_node(self) -> None:

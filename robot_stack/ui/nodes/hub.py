@@ -92,7 +92,7 @@ class Hub:
         self._desk.enter(page.number, self._now_s())
         self._pages[page.number] = page
         self.pages = len(self._pages)
-        self._tell_access(page)
+        self._send_access(page)
         self._robot.request_layers(self._wanted)  # makes it send what was held back without a page
         return page
 
@@ -141,7 +141,7 @@ class Hub:
             case p.Login():
                 self._begin_check(page, message)
             case p.Logout():
-                self._tell_access(page)
+                self._send_access(page)
                 self._show(page, self._allowed(page))
             case p.Pad() | p.Lift():
                 self._begin_driving()
@@ -173,7 +173,7 @@ class Hub:
             page.changes.offer(sections)
             allowed = self._allowed(page)
             page.changes.offer({layer.value: value for layer, value in layers.items() if layer in allowed})
-            self._tell_access(page)
+            self._send_access(page)
             page.something.set()
         self._look()
 
@@ -234,7 +234,7 @@ class Hub:
         page.answers = [*page.answers[-20:], json.dumps(message)]
         page.something.set()
 
-    def _tell_access(self, page: Page) -> None:
+    def _send_access(self, page: Page) -> None:
         access, now_s = self._desk.access, self._now_s()
         page.changes.offer(
             {
@@ -283,7 +283,7 @@ class Hub:
             return
         locked = self._desk.access.wait_s(page.number, now_s) > 0.0
         self._audit(page, "staff PIN", "ok" if right else "wrong")
-        self._tell_access(page)
+        self._send_access(page)
         self.answer(page.number, message.id, right, OK if right else WAIT if locked else WRONG_PIN)
 
     def _begin_driving(self) -> None:

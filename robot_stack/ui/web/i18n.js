@@ -14,7 +14,7 @@ export function languageNow() {
   return language ?? "en";
 }
 
-// The robot's own language counts until somebody has chosen one on this screen.
+// The robot's own language applies until one is chosen on this screen.
 export function suggestLanguage(code) {
   if (language === null) setLanguage(localStorage.getItem(KEPT) ?? code, false);
 }

@@ -5,7 +5,7 @@ import { t } from "/i18n.js";
 
 const ROWS = ["1234567890", "qwertyuiop", "asdfghjkl-", "zxcvbnm_.,"];
 
-// Types into a field as a real key would: what listens to "input" hears of it.
+// Types into a field as a real key would, with an "input" event.
 function type(field, text) {
   const [from, to] = [field.selectionStart ?? field.value.length, field.selectionEnd ?? field.value.length];
   field.setRangeText(text, text === "" && from === to ? Math.max(0, from - 1) : from, to, "end");

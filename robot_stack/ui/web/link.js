@@ -42,11 +42,11 @@ export class Link {
       this.send({ t: "alive" });
       this.send({ t: "show", layers: this.layers });
     };
-    socket.onmessage = (event) => socket === this.socket && this.hear(event.data);
+    socket.onmessage = (event) => socket === this.socket && this.receive(event.data);
     socket.onclose = () => socket === this.socket && this.lose();
   }
 
-  hear(data) {
+  receive(data) {
     this.heardMs = performance.now();
     if (this.lost) {
       this.lost = false;

@@ -1,4 +1,4 @@
-// A kiosk has nobody to press reload: a page that did not come up, because the robot was restarting or a file was lost
+// A kiosk has no reload button: a page that failed to load, because the robot was restarting or a file was lost
 // on the way, asks for itself again, once the robot answers.
 
 const UP_MS = 10000;

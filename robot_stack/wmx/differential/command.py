@@ -35,13 +35,13 @@ class Command:
 class TwistCommand:
     """Belongs to one thread. Times are steady seconds.
 
-    heard_from_s: until then a sender may exist that has not been discovered yet, so that a missing command does not
+    discovered_s: until then a sender may exist that has not been discovered yet, so that a missing command does not
     count as silence.
     """
 
-    def __init__(self, timeout_s: float, heard_from_s: float = -math.inf) -> None:
+    def __init__(self, timeout_s: float, discovered_s: float = -math.inf) -> None:
         self._timeout_s = timeout_s
-        self._heard_from_s = heard_from_s
+        self._discovered_s = discovered_s
         self._linear_mps = 0.0
         self._angular_radps = 0.0
         self._received_s = -math.inf
@@ -72,7 +72,7 @@ class TwistCommand:
     def requested(self, now_s: float) -> Command:
         """The command at ``now_s``."""
         if not self.fresh(now_s):
-            known = self._received_s > -math.inf or now_s >= self._heard_from_s
+            known = self._received_s > -math.inf or now_s >= self._discovered_s
             self._rested = self._rested or (known and now_s - self._demanded_s > self._timeout_s)
             moving = self._linear_mps != 0.0 or self._angular_radps != 0.0
             return Command(0.0, 0.0, f"no command for {self._timeout_s} s" if moving else "")

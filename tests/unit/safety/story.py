@@ -36,7 +36,7 @@ G = 9.81
 _BEARINGS = np.linspace(-math.pi, math.pi, 90)
 SWEEP = np.stack([8.0 * np.cos(_BEARINGS), 8.0 * np.sin(_BEARINGS), 0.0 * _BEARINGS], axis=1).astype(np.float32)
 NOTHING = np.empty((0, 3), np.float32)
-NOBODY = np.empty((0, 5), np.float32)
+NOTHING_MOVES = np.empty((0, 5), np.float32)
 OPEN = LatchReading(closed=False, open=True, opening=False)
 CLOSED = LatchReading(closed=True, open=False, opening=False)
 GOOD_AXIS = Axis(servo_on=True, amp_alarm=False, following_error=False)
@@ -74,7 +74,7 @@ class Story:
         self.obstacles: NDArray[np.float32] | None = NOTHING
         self.unseen: NDArray[np.float32] | None = NOTHING
         self.no_ground: NDArray[np.float32] | None = NOTHING
-        self.moving: NDArray[np.float32] | None = NOBODY
+        self.moving: NDArray[np.float32] | None = NOTHING_MOVES
         self.driven: Twist2 | None = ZERO_TWIST
         self.request: Twist2 | None = None
         self.dock: Pose2 | None = None

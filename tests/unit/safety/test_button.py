@@ -46,7 +46,7 @@ def test_an_engine_that_is_still_starting_is_no_press() -> None:
     desk = Desk()
     assert desk.hold(UNREADABLE, 30.0) == []
     assert desk.button.pressed is None
-    assert not desk.button.overheard(False)
+    assert not desk.button.contradicts(False)
 
 
 def test_released_button_at_the_start_publishes_no_press() -> None:
@@ -121,4 +121,4 @@ def test_intermittent_readings_at_the_start_do_not_settle() -> None:
 def test_only_a_pressed_button_contradicts_and_only_a_release(contact: Contact, heard: bool, contradicts: bool) -> None:
     desk = Desk()
     desk.hold(contact)
-    assert desk.button.overheard(heard) is contradicts
+    assert desk.button.contradicts(heard) is contradicts

@@ -21,7 +21,7 @@ from robot_stack.safety.inputs import DriveReading, Level
 from robot_stack.safety.observation import CAMERAS, Observation
 from robot_stack.safety.pedestrian_collision import PedestrianCollision
 from robot_stack.safety.stop_sources import Press
-from tests.unit.safety.story import NOBODY, NOTHING, PARAMS, ROBOT, Story
+from tests.unit.safety.story import NOTHING, NOTHING_MOVES, PARAMS, ROBOT, Story
 
 PRESSES = (Press("touch_ui", 17),)
 FAST = SafetyLimit(1.5, 1.5)
@@ -137,7 +137,7 @@ def test_moving_objects_are_evaluated_against_actual_and_requested_motion(monkey
     found, recorder = observation(), MeetingRecorder()
     monkeypatch.setattr(found, "_pedestrian_collision", recorder)
     found.obstacles(NOTHING, 0.0, 1.0)
-    found.surroundings.moving_received(NOBODY, 0.0, 1.0)
+    found.surroundings.moving_received(NOTHING_MOVES, 0.0, 1.0)
     request, driven = Twist2(0.5, 0.0, 0.0), Twist2(0.2, 0.0, 0.0)
     found.commands.request("/cmd_vel", request, 1.0)
     prediction = found.snapshot(False, 1.0).prediction

@@ -29,14 +29,14 @@ export function DrivePage({ link, state, say }) {
     link.send({ t: "lift" });
     redraw((turn) => turn + 1);
   };
-  const tell = () => {
+  const send = () => {
     if (!finger.current) return;
     const { ahead, side } = finger.current;
     const turns = mode.current === "turn";
     link.send({ t: "pad", x: ahead, y: turns ? 0 : -side, turn: turns ? -side : 0, at_ms: performance.now() });
   };
   useEffect(() => {
-    const timer = setInterval(tell, PERIOD_MS);
+    const timer = setInterval(send, PERIOD_MS);
     const hidden = () => document.visibilityState !== "visible" && lift();
     document.addEventListener("visibilitychange", hidden);
     for (const name of ["blur", "pagehide"]) window.addEventListener(name, lift);
@@ -54,7 +54,7 @@ export function DrivePage({ link, state, say }) {
   const press = (event) => {
     pad.current.setPointerCapture(event.pointerId);
     move(event);
-    tell();
+    send();
     if (state.access?.pad === "busy") say({ ok: false, why: "answer.pad_busy" });
   };
   const { ahead = 0, side = 0 } = finger.current ?? {};

@@ -151,7 +151,7 @@ export function HeldOrders({ link, state, say }) {
   </div>`;
 }
 
-// What ended a ride is told above; here is what keeps the next from starting.
+// The end of a ride is shown above; here is what keeps the next from starting.
 function BlockedBy({ state }) {
   const reasons = (state.stand?.reasons ?? []).filter((code) => !code.startsWith("RIDE_"));
   return html`<${Reasons} state=${{ stand: { reasons } }} />`;

@@ -94,7 +94,7 @@ def test_twist_before_anything_was_seen_must_wait() -> None:
 
 def test_silence_counts_only_after_discovery_time() -> None:
     """The node discovers an existing stream only after a while; that stream must not start the base."""
-    command = TwistCommand(timeout_s=0.25, heard_from_s=2.5)
+    command = TwistCommand(timeout_s=0.25, discovered_s=2.5)
     command.requested(1.0)
     command.receive(fields(0.5), 1.1)
     assert command.requested(1.15).blocked
