@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Final, Literal, Self
 
 import numpy as np
@@ -54,6 +55,14 @@ class Footprint(Config):
         """Clockwise from the front left, base_link, m."""
         half_m = 0.5 * self.width_m
         return [(self.front_m, half_m), (self.front_m, -half_m), (self.rear_m, -half_m), (self.rear_m, half_m)]
+
+    def inscribed_m(self) -> float:
+        """Radius of the largest circle around base_link within the footprint."""
+        return min(self.front_m, -self.rear_m, 0.5 * self.width_m)
+
+    def circumscribed_m(self) -> float:
+        """Radius of the smallest circle around base_link that holds the footprint."""
+        return math.hypot(max(self.front_m, -self.rear_m), 0.5 * self.width_m)
 
 
 class Chassis(Config):

@@ -21,16 +21,6 @@ _STEPS = 252
 _ROUNDING_M = 1e-9
 
 
-def inscribed_m(footprint: Footprint) -> float:
-    """Radius of the largest circle around base_link within the footprint, m."""
-    return min(footprint.front_m, -footprint.rear_m, 0.5 * footprint.width_m)
-
-
-def circumscribed_m(footprint: Footprint) -> float:
-    """Radius of the smallest circle around base_link that holds the footprint, m."""
-    return math.hypot(max(footprint.front_m, -footprint.rear_m), 0.5 * footprint.width_m)
-
-
 def cost(distance_m: float, inscribed_radius_m: float, scaling_per_m: float) -> int:
     """Cost at a distance from an obstacle's middle, within the inflation radius."""
     if distance_m == 0.0:
@@ -43,8 +33,8 @@ def cost(distance_m: float, inscribed_radius_m: float, scaling_per_m: float) -> 
 
 def cost_table(footprint: Footprint, beyond_m: float, scaling_per_m: float, resolution_m: float) -> NDArray[np.int8]:
     """(n,) costs by squared distance in cells, up to ``beyond_m`` beyond the circumscribed radius."""
-    cells = (circumscribed_m(footprint) + beyond_m) / resolution_m
-    inside_m = inscribed_m(footprint)
+    cells = (footprint.circumscribed_m() + beyond_m) / resolution_m
+    inside_m = footprint.inscribed_m()
     return np.array(
         [cost(math.sqrt(squared) * resolution_m, inside_m, scaling_per_m) for squared in range(int(cells * cells) + 1)],
         np.int8,

@@ -33,11 +33,7 @@ def _outline(front_m: float, rear_m: float, width_m: float) -> Array:
     return points
 
 
-def reach_m(footprint: Footprint) -> float:
-    """Farthest point of the footprint from base_link."""
-    return math.hypot(max(footprint.front_m, -footprint.rear_m), 0.5 * footprint.width_m)
-
-
-def inner_m(footprint: Footprint) -> float:
-    """Radius of the disc around base_link that lies within the footprint."""
-    return min(footprint.front_m, -footprint.rear_m, 0.5 * footprint.width_m)
+def box_of(footprint: Footprint) -> Array:
+    """front, rear, half width, middle: (4,) m."""
+    middle = 0.5 * (footprint.front_m + footprint.rear_m)
+    return np.array([footprint.front_m, footprint.rear_m, 0.5 * footprint.width_m, middle])

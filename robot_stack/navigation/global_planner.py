@@ -17,7 +17,7 @@ import numpy.typing as npt
 from robot_stack.core.geometry import Pose2, wrap_angle
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.cancel_flag import CancelFlag
-from robot_stack.navigation.footprint import inner_m, outline, reach_m
+from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.goal import GoalCode, Refusal
 from robot_stack.navigation.grid_kernels import (
     EASY,
@@ -139,7 +139,7 @@ class GlobalPlanner:
         cells = [(grid.cell(x, y)[0] // factor, grid.cell(x, y)[1] // factor, disc) for x, y in closed]
         # In no pose of the footprint base_link comes nearer to an obstacle: an escape does not lead through a wall.
         dot, here = np.zeros((1, 2)), np.array([(start.x, start.y, 0.0)])
-        escape_m = min(inner_m(footprint), float(grid.clearance_m(dot, here)[0])) - grid.resolution_m
+        escape_m = min(footprint.inscribed_m(), float(grid.clearance_m(dot, here)[0])) - grid.resolution_m
         found = astar(
             field,
             grid.unknown,
@@ -201,9 +201,8 @@ class GlobalPlanner:
         place = self.grid.resolution_m, self.grid.x_m, self.grid.y_m
         edge = outline(footprint)
         p, easy_m = self._params, self._params.easy_margin_m + self.grid.half_cell_m
-        room = heading_room(
-            self.grid.field, *place, edge, points, bins, margin, easy_m, reach_m(footprint), inner_m(footprint)
-        )
+        radii_m = footprint.circumscribed_m(), footprint.inscribed_m()
+        room = heading_room(self.grid.field, *place, edge, points, bins, margin, easy_m, *radii_m)
         first, last = (round(float(yaw) / (2.0 * math.pi) * bins) % bins for yaw in ends[:, 2])
         room[0, first] = room[-1, last] = EASY
         picked = headings(room, requested, step_m, first, last, p.turn_cost_m_per_rad, p.near_cost)
@@ -211,7 +210,7 @@ class GlobalPlanner:
         yaws = np.unwrap(picked * (2.0 * math.pi / bins)) if possible else requested
         tight = int(picked[1]) if not possible else None
         if possible:
-            tight = _backwards(yaws - requested, along, 2.0 * reach_m(footprint))
+            tight = _backwards(yaws - requested, along, 2.0 * radii_m[0])
             grazing = np.flatnonzero(room[np.arange(len(points)), picked] == TIGHT)
             tight = int(grazing[0]) if tight is None and len(grazing) else tight
         if tight is not None and passages:
@@ -235,7 +234,7 @@ class GlobalPlanner:
         passages: int,
     ) -> Array | None:
         """The way with the stretch around a narrow place searched over positions and headings together."""
-        around_m = 2.0 * reach_m(footprint)
+        around_m = 2.0 * footprint.circumscribed_m()
         into = max(0, int(np.searchsorted(along, along[tight] - around_m)) - 1)
         out = min(len(points) - 1, int(np.searchsorted(along, along[tight] + around_m)))
         start = ends[0] if into == 0 else np.array([*points[into], requested[into]])

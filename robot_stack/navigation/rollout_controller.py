@@ -15,7 +15,7 @@ import numpy.typing as npt
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.limits import MotionLimits
 from robot_stack.core.robot import Footprint
-from robot_stack.navigation.footprint import outline
+from robot_stack.navigation.footprint import box_of, outline
 from robot_stack.navigation.local_map import LocalMap
 from robot_stack.navigation.params import LocalParams
 from robot_stack.navigation.rollout_kernels import COLLISION, evaluate, free_time
@@ -71,7 +71,7 @@ class RolloutController:
         bounds = np.array(
             [limits.speed_mps, limits.yaw_rate_radps, limits.acceleration_mps2, limits.yaw_acceleration_radps2]
         )
-        edge, box, reach = outline(footprint), _box(footprint), _reach(footprint)
+        edge, box, reach = outline(footprint), box_of(footprint), _reach(footprint)
         field, hard = local.leaving(edge, at, p.hard_margin_m, 0.02)
         place = field, local.resolution_m, local.x_m, local.y_m
 
@@ -114,7 +114,7 @@ class RolloutController:
         pose: costmap's frame. people: (m, 6). margin_m: to static obstacles.
         """
         p = self._params
-        at, edge, box = np.array([pose.x, pose.y, pose.yaw]), outline(footprint), _box(footprint)
+        at, edge, box = np.array([pose.x, pose.y, pose.yaw]), outline(footprint), box_of(footprint)
         field, margin_m = local.leaving(edge, at, margin_m, 0.03)
         place = field, local.resolution_m, local.x_m, local.y_m
         slower = requested
@@ -125,12 +125,6 @@ class RolloutController:
             if free_s >= p.governor_s:
                 return slower, True
         return slower, False
-
-
-def _box(footprint: Footprint) -> Array:
-    """front, rear, half width, middle."""
-    middle = 0.5 * (footprint.front_m + footprint.rear_m)
-    return np.array([footprint.front_m, footprint.rear_m, 0.5 * footprint.width_m, middle])
 
 
 def _reach(footprint: Footprint) -> float:

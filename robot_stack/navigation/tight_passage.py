@@ -11,7 +11,7 @@ import numpy.typing as npt
 from robot_stack.core.geometry import wrap_angle
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.cancel_flag import CancelFlag
-from robot_stack.navigation.footprint import inner_m, outline, reach_m
+from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.grid_kernels import CLOSED, EASY, Rooms, clearances, heading_room, line_permits
 from robot_stack.navigation.one_way import ALL_COURSES, FREE_COURSES, Courses
 from robot_stack.navigation.params import PlannerParams
@@ -123,7 +123,7 @@ def _window(
     margin_m: float,
     slack_m: float,
 ) -> _Window:
-    reach = reach_m(footprint)
+    reach = footprint.circumscribed_m()
     low = np.minimum(start[:2], goal[:2]) - 1.5 * reach
     high = np.maximum(start[:2], goal[:2]) + 1.5 * reach
     columns, rows = (math.ceil(size / _STEP_M) for size in high - low)
@@ -137,9 +137,8 @@ def _window(
         near = np.hypot(middles[:, 0] - end[0], middles[:, 1] - end[1]) <= params.escape_m
         margins[near] = np.minimum(margins[near], clear_m)
     easy_m = params.easy_margin_m + grid.half_cell_m
-    room = heading_room(
-        grid.field, *place, outline(footprint), middles, params.heading_bins, margins, easy_m, reach, inner_m(footprint)
-    )
+    radii_m = reach, footprint.inscribed_m()
+    room = heading_room(grid.field, *place, outline(footprint), middles, params.heading_bins, margins, easy_m, *radii_m)
     point = np.zeros((1, 2))
     clear = clearances(grid.field, *place, point, np.column_stack((middles, np.zeros(len(middles)))), 0.0)
     # The cost rises up to the walls, so that a gate is passed in its middle.

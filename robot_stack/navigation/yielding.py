@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.robot import Footprint
-from robot_stack.navigation.footprint import outline
+from robot_stack.navigation.footprint import box_of, outline
 from robot_stack.navigation.local_map import LocalMap
 from robot_stack.navigation.params import GiveWayParams
 from robot_stack.navigation.rollout_kernels import free_time, person_gap
@@ -27,7 +27,7 @@ _ASIDE = 0.3
 
 def nearest_m(pose: Pose2, footprint: Footprint, people: Array) -> float:
     """Metres from the footprint to the nearest of ``people`` (m, 6), in their frame; infinite without any."""
-    return _gap(_box(footprint), np.array([pose.x, pose.y, pose.yaw]), people)
+    return _gap(box_of(footprint), np.array([pose.x, pose.y, pose.yaw]), people)
 
 
 def way_out(
@@ -47,7 +47,7 @@ def way_out(
     room_m: enough room; by default as in ``params``.
     """
     room_m = params.room_m if room_m is None else room_m
-    at, box, edge = np.array([pose.x, pose.y, pose.yaw]), _box(footprint), outline(footprint)
+    at, box, edge = np.array([pose.x, pose.y, pose.yaw]), box_of(footprint), outline(footprint)
     field, margin_m = local.leaving(edge, at, margin_m, 0.02)
     place = field, local.resolution_m, local.x_m, local.y_m
     now_m = _gap(box, at, people)
@@ -83,9 +83,3 @@ def _gap(box: Array, at: Array, people: Array) -> float:
 def _after(at: Array, twist: Array, time_s: float) -> Array:
     c, s = math.cos(at[2]), math.sin(at[2])
     return at + time_s * np.array([c * twist[0] - s * twist[1], s * twist[0] + c * twist[1], 0.0])
-
-
-def _box(footprint: Footprint) -> Array:
-    """front, rear, half width, middle."""
-    middle = 0.5 * (footprint.front_m + footprint.rear_m)
-    return np.array([footprint.front_m, footprint.rear_m, 0.5 * footprint.width_m, middle])

@@ -18,6 +18,7 @@ from robot_stack.core.compiled import compiled
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import Footprint
 from robot_stack.perception.params import FootingParams, SpaceParams
+from robot_stack.perception.space.kernels import fill
 from robot_stack.perception.space.rolling import rolled
 
 Float = NDArray[np.float32]
@@ -77,11 +78,11 @@ class Footing:
         if own is not self._own:
             # Heights measured there before the chair was attached may be of the chair.
             if self._own is not None:
-                _fill(self._returns, self._corner, self._cell_m, at, _rectangle(own, self._margin_m), np.float32(0.0))
+                fill(self._returns, self._corner, self._cell_m, at, _rectangle(own, self._margin_m), np.float32(0.0))
             self._own = own
         cells, most = (self._ground_m, self._returns, self._known), self._limits[_MOST]
         _lay(*cells, self._corner, self._cell_m, at, self._up_m, floor, most)
-        _fill(self._known, self._corner, self._cell_m, at, _rectangle(own, 0.0), True)
+        fill(self._known, self._corner, self._cell_m, at, _rectangle(own, 0.0), True)
 
     def edges(self, pose: Pose2) -> Float:
         """(n, 3) base_link at ``pose``: where the ground falls around the robot, and not beneath it, z 0."""
@@ -90,7 +91,7 @@ class Footing:
         self._drop[:] = False
         _find_edges(self._ground_m[near, near], self._returns[near, near], self._limits, self._drop[near, near])
         if self._own is not None:
-            _fill(self._drop, self._corner, self._cell_m, _array(pose), _rectangle(self._own, 0.0), False)
+            fill(self._drop, self._corner, self._cell_m, _array(pose), _rectangle(self._own, 0.0), False)
         return self._listed(self._drop, pose)
 
     def bends(self, pose: Pose2, from_m: float) -> float:
@@ -177,21 +178,6 @@ def _lay(
         share = min(floor[i, 3] / count, np.float32(1.0))
         ground[row, column] += share * (floor[i, 2] + np.float32(up_m) - ground[row, column])
         returns[row, column] = count
-
-
-@compiled(error_model="numpy")
-def _fill(cells: Any, corner: Corner, cell_m: float, pose: Floats, rect: Floats, value: Any) -> None:
-    """Sets the cells of a rectangle: rear, front, half width in base_link, m."""
-    rows, columns = cells.shape
-    reach = int(math.hypot(max(rect[1], -rect[0]), rect[2]) / cell_m) + 2
-    at_row, at_column = math.floor(pose[1] / cell_m) - corner[1], math.floor(pose[0] / cell_m) - corner[0]
-    for row in range(max(at_row - reach, 0), min(at_row + reach + 1, rows)):
-        dy = (row + corner[1] + 0.5) * cell_m - pose[1]
-        for column in range(max(at_column - reach, 0), min(at_column + reach + 1, columns)):
-            dx = (column + corner[0] + 0.5) * cell_m - pose[0]
-            x, y = pose[2] * dx + pose[3] * dy, pose[2] * dy - pose[3] * dx
-            if rect[0] <= x <= rect[1] and abs(y) <= rect[2]:
-                cells[row, column] = value
 
 
 @compiled(error_model="numpy")

@@ -542,13 +542,15 @@ def frontier(state: Cells, corner: Corner, cell_m: float, pose: Floats, radius_m
 
 
 @compiled(error_model="numpy")
-def make_unseen(state: Cells, corner: Corner, cell_m: float, pose: Floats, rect: Floats) -> None:
-    """Makes the cells of a rectangle unseen: rear, front, half width in base_link, m."""
-    rows, columns = state.shape
-    for row in range(rows):
+def fill(cells: Any, corner: Corner, cell_m: float, pose: Floats, rect: Floats, value: Any) -> None:
+    """Sets the cells of a rectangle: rear, front, half width in base_link, m."""
+    rows, columns = cells.shape
+    reach = int(math.hypot(max(rect[1], -rect[0]), rect[2]) / cell_m) + 2
+    at_row, at_column = math.floor(pose[1] / cell_m) - corner[1], math.floor(pose[0] / cell_m) - corner[0]
+    for row in range(max(at_row - reach, 0), min(at_row + reach + 1, rows)):
         dy = (row + corner[1] + 0.5) * cell_m - pose[1]
-        for column in range(columns):
+        for column in range(max(at_column - reach, 0), min(at_column + reach + 1, columns)):
             dx = (column + corner[0] + 0.5) * cell_m - pose[0]
             x, y = pose[2] * dx + pose[3] * dy, pose[2] * dy - pose[3] * dx
             if rect[0] <= x <= rect[1] and abs(y) <= rect[2]:
-                state[row, column] = UNSEEN
+                cells[row, column] = value

@@ -93,7 +93,7 @@ class Space:
         if self._pose is not None:
             margin_m = self._params.attach_margin_m if attached else 0.0
             rect = _rectangle(self._robot.footprint_with_chair, margin_m)
-            kernels.make_unseen(self._state, self._corner, self._params.cell_m, _array(self._pose), rect)
+            kernels.fill(self._state, self._corner, self._params.cell_m, _array(self._pose), rect, kernels.UNSEEN)
 
     def forget(self) -> None:
         """Makes all cells unseen."""

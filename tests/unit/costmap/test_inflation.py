@@ -11,16 +11,16 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from robot_stack.core.robot import load_robot
-from robot_stack.costmap.inflation import circumscribed_m, cost, cost_table, inflated, inscribed_m
+from robot_stack.costmap.inflation import cost, cost_table, inflated
 
 ROBOT = load_robot()
 
 
 def test_radii_of_both_footprints() -> None:
-    assert inscribed_m(ROBOT.footprint) == 0.35
-    assert circumscribed_m(ROBOT.footprint) == pytest.approx(math.hypot(0.5, 0.35))
-    assert inscribed_m(ROBOT.footprint_with_chair) == 0.40
-    assert circumscribed_m(ROBOT.footprint_with_chair) == pytest.approx(math.hypot(1.4, 0.4))
+    assert ROBOT.footprint.inscribed_m() == 0.35
+    assert ROBOT.footprint.circumscribed_m() == pytest.approx(math.hypot(0.5, 0.35))
+    assert ROBOT.footprint_with_chair.inscribed_m() == 0.40
+    assert ROBOT.footprint_with_chair.circumscribed_m() == pytest.approx(math.hypot(1.4, 0.4))
 
 
 @pytest.mark.parametrize(
