@@ -1,4 +1,4 @@
-"""map build, teach, show, check: a site's map from a ride."""
+"""map build, teach, plan, show, check: a site's map from a ride or a floor plan."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ import typer
 from robot_stack.cli.errors import NOT_DONE
 
 maps = typer.Typer(
-    help="Maps of sites: build one from a ride, recorded or as it is driven, show it, check it.", no_args_is_help=True
+    help="Maps of sites: build one from a ride, recorded or as it is driven, or from a floor plan; show it, check it.",
+    no_args_is_help=True,
 )
 
 
@@ -63,6 +64,31 @@ def teach(
     from robot_stack.cli.map_teach import teach_map
 
     teach_map(name, output, origin, recording, picture)
+
+
+@maps.command()
+def plan(
+    picture: Annotated[Path, typer.Argument(help="Picture with dark walls, or a YAML file of Nav2's map_server.")],
+    name: Annotated[str, typer.Option(help="Name of the map; its folder is config/maps/NAME.")],
+    resolution: Annotated[float | None, typer.Option(help="m of a pixel; by default of the YAML file.")] = None,
+    origin: Annotated[
+        tuple[float, float, float] | None,
+        typer.Option(help="x m, y m, yaw rad of the picture's lower left corner in the map; by default 0 0 0."),
+    ] = None,
+    start: Annotated[
+        tuple[float, float],
+        typer.Option(help="x m, y m in the map: a place on the floor, from where the rest is reached."),
+    ] = (0.0, 0.0),
+    wall_height: Annotated[float, typer.Option(help="m, of all walls.")] = 2.5,
+    output: Annotated[Path | None, typer.Option(help="Folder to put the map's folder into.")] = None,
+) -> None:
+    """Make a map from a floor plan: dark is wall, white is floor.
+
+    The map contains only what the plan shows, and its error is that of the plan.
+    """
+    from robot_stack.cli.map_plan import PlanOptions, build_from_plan
+
+    build_from_plan(picture, name, output, PlanOptions(resolution, origin, start, wall_height))
 
 
 @maps.command()

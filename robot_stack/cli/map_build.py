@@ -17,7 +17,7 @@ from robot_stack.cli.map_recording import read_ride
 from robot_stack.core.config import config_dir, load
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import load_robot
-from robot_stack.core.site_map import FREE, OCCUPIED, SiteMap, save_map
+from robot_stack.core.site_map import FREE, OCCUPIED, Cells, Grid, SiteMap, save_map
 from robot_stack.mapping.build import Built, build_map
 from robot_stack.mapping.params import MappingParams
 from robot_stack.mapping.report import distance_m, drift
@@ -64,8 +64,6 @@ def wanted(name: str, output: Path | None, origin: tuple[float, float, float] | 
 
 def _about(recording: Path, ride: Ride, built: Built, start: Pose2 | None) -> dict[str, Any]:
     origin = start or Pose2(0.0, 0.0, 0.0)
-    grid, cells = built.grid, built.cells
-    rows, columns = grid.occupancy.shape
     return {
         "frame": "map",
         "made_from": _SOURCE,
@@ -77,6 +75,16 @@ def _about(recording: Path, ride: Ride, built: Built, start: Pose2 | None) -> di
             "duration_s": round(float(built.stamps_s[-1] - built.stamps_s[0]), 1),
             "sweeps": len(ride.sweeps),
         },
+        **size_of(built.cells, built.grid),
+        "points_left_out_because_they_moved": round(built.moved_share, 5),
+        "drift": drift(built),
+    }
+
+
+def size_of(cells: Cells, grid: Grid) -> dict[str, Any]:
+    """The sizes of a map, for map.yaml."""
+    rows, columns = grid.occupancy.shape
+    return {
         "cells": {"size_m": cells.size_m, "count": len(cells.count), "points": int(cells.count.sum())},
         "grid": {
             "resolution_m": grid.resolution_m,
@@ -85,8 +93,6 @@ def _about(recording: Path, ride: Ride, built: Built, start: Pose2 | None) -> di
             "free_m2": round(float((grid.occupancy == FREE).sum()) * grid.resolution_m**2, 1),
             "occupied_m2": round(float((grid.occupancy == OCCUPIED).sum()) * grid.resolution_m**2, 1),
         },
-        "points_left_out_because_they_moved": round(built.moved_share, 5),
-        "drift": drift(built),
     }
 
 
@@ -98,6 +104,10 @@ def lines_of(site: SiteMap) -> list[str]:
         f"map {site.name}: {len(site.cells.count)} cells of {site.cells.size_m:g} m, "
         f"grid {grid.get('width_m', '?')} x {grid.get('height_m', '?')} m at {site.grid.resolution_m:g} m, "
         f"{grid.get('free_m2', '?')} m2 free",
+    ]
+    if "plan" in about:
+        return [*lines, *_lines_of_plan(about["plan"])]
+    lines += [
         f"ride: {ride.get('length_m', '?')} m in {ride.get('duration_s', '?')} s, {ride.get('sweeps', '?')} sweeps, "
         f"recorded {about.get('recorded', '?')}",
         f"loops closed: {found.get('loops_closed', '?')}; largest error at a loop closure: "
@@ -122,6 +132,16 @@ def lines_of(site: SiteMap) -> list[str]:
     return lines
 
 
+def _lines_of_plan(plan: dict[str, Any]) -> list[str]:
+    """The source of a map in words, and what such a map lacks."""
+    return [
+        f"floor plan: {plan['picture']} at {plan['resolution_m']:g} m a pixel, walls of {plan['wall_height_m']:g} m",
+        "the map has only what the plan shows: no furniture, ramps, kerbs or steps, and no measured error; glass and "
+        "closed doors of the plan are walls in it",
+        "compare it with the site before the first ride (docs/sites.md)",
+    ]
+
+
 def problems_of(site: SiteMap) -> list[str]:
     """Defects that make a map with intact files unusable, and missing entries of its map.yaml."""
     problems = []
@@ -129,7 +149,8 @@ def problems_of(site: SiteMap) -> list[str]:
         problems.append(f"{site.name}: contains no cell")
     if not (site.grid.occupancy == FREE).any():
         problems.append(f"{site.name}: no part of the grid is free")
-    missing = [key for key in ("frame", "made_from", "begins_at", "ride", "drift") if key not in site.about]
+    source = ("plan",) if "plan" in site.about else ("ride", "drift")
+    missing = [key for key in ("frame", "made_from", "begins_at", *source) if key not in site.about]
     if missing:
         problems.append(f"{site.name}: map.yaml lacks {', '.join(missing)}")
     return problems
