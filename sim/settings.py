@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from robot_stack.core.config import ConfigError
+from robot_stack.core.config import ConfigError, config_dir
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.site_map import map_folder
 
@@ -45,6 +45,11 @@ def world_settings(world: str) -> list[str]:
         f'touch_ui.pages.map="{name}"',
         f'black_box.map="{name}"',
     ]
+
+
+def own_site(world: str) -> str:
+    """The name of the site in a world: the world's own, empty if there is none."""
+    return world if (config_dir() / "sites" / world).is_dir() else ""
 
 
 def own_map(world: str) -> str:

@@ -28,7 +28,7 @@ def examine_configuration() -> tuple[list[str], int]:
 
 
 def _checks(folder: Path) -> list[Any]:
-    missions = MissionLibrary(folder / "missions")
+    missions = MissionLibrary(folder / "missions", *folder.glob("sites/*/missions"))
     return [
         load_robot,
         load_params,

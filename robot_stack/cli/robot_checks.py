@@ -306,8 +306,11 @@ def self_test() -> Iterator[Finding]:
 
 def site_map() -> Iterator[Finding]:
     """The map, and that all nodes with a map use the same one."""
-    from robot_stack.core.config import config_dir, read_yaml
+    from robot_stack.core.config import chosen_site, config_dir, read_yaml
 
+    if site := chosen_site():
+        yield from map_findings({"site": site})
+        return
     used = {
         node: str(read_yaml(config_dir() / f"{node}.yaml").get("map", ""))
         for node in ("ndt_localization", "navigation_controller", "mission_manager", "black_box")
@@ -350,7 +353,7 @@ def docks() -> Iterator[Finding]:
 
 def zones() -> Iterator[Finding]:
     """The file of zones, and docks, safe places and missions, compared with the keepout zones of navigation's map."""
-    from robot_stack.core.config import config_dir, read_yaml
+    from robot_stack.core.config import chosen_site, config_dir, read_yaml
     from robot_stack.core.docks import DocksFile
     from robot_stack.core.keepout import keepout_problems, load_keepout, site_keepout_problems
     from robot_stack.core.mission import aboard_at_start
@@ -359,7 +362,7 @@ def zones() -> Iterator[Finding]:
     from robot_stack.core.safe_places import SafePlaces
 
     try:
-        map_name = str(read_yaml(config_dir() / "navigation_controller.yaml").get("map", ""))
+        map_name = chosen_site() or str(read_yaml(config_dir() / "navigation_controller.yaml").get("map", ""))
         if map_name:
             yield _zone_file(map_name)
         robot, docks_file = load_robot(), load(DocksFile, "docks")

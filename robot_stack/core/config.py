@@ -2,7 +2,8 @@
 
 Models derive from :class:`Config`: unknown keys, missing keys, wrong types, non-finite and out-of-range numbers are all
 refused. The folder is ``config/`` beside the package (a checkout), ``share/robot_stack/config`` (an installation), or
-the value of the environment variable ``ROBOT_STACK_CONFIG``.
+the value of the environment variable ``ROBOT_STACK_CONFIG``. Files of the site that ``ROBOT_STACK_SITE`` names take the
+place of those in the folder itself.
 """
 
 from __future__ import annotations
@@ -21,6 +22,9 @@ from robot_stack.core.errors import ConfigError as ConfigError
 
 # libyaml's loader if it is installed: ten times as fast, and every process reads some files at start-up.
 _LOADER: Final = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+SITE_VARIABLE: Final = "ROBOT_STACK_SITE"
 
 
 class Config(BaseModel):
@@ -47,6 +51,24 @@ def config_dir() -> Path:
         if (folder / "robot.yaml").is_file():
             return folder
     raise ConfigError(f"no configuration folder with a robot.yaml; looked in {', '.join(map(str, candidates))}")
+
+
+def chosen_site() -> str:
+    """The site that ROBOT_STACK_SITE names, which is the name of its map too; empty: that of the files in config/."""
+    return os.environ.get(SITE_VARIABLE, "")
+
+
+def site_path(name: str) -> Path:
+    """A file or folder of the chosen site, ``config/sites/<site>/<name>`` if there is one, else ``config/<name>``.
+
+    Raises ConfigError for a site without a folder.
+    """
+    folder, site = config_dir(), chosen_site()
+    if site and not (folder / "sites" / site).is_dir():
+        known = ", ".join(sorted(path.name for path in (folder / "sites").glob("*/"))) or "none"
+        raise ConfigError(f"{SITE_VARIABLE}: no site {site!r} in {folder / 'sites'}; there are {known}")
+    own = folder / "sites" / site / name
+    return own if site and own.exists() else folder / name
 
 
 def _prefixes() -> list[str]:
@@ -90,8 +112,8 @@ def validate(model: type[ConfigT], data: Mapping[str, Any], source: str) -> Conf
 
 
 def load(model: type[ConfigT], name: str, overrides: Mapping[str, Any] | None = None) -> ConfigT:
-    """``config/<name>.yaml`` with ``overrides`` on top, validated. Raises ConfigError."""
-    path = config_dir() / f"{name}.yaml"
+    """``<name>.yaml`` of the site or of config/ with ``overrides`` on top, validated. Raises ConfigError."""
+    path = site_path(f"{name}.yaml")
     return validate(model, {**read_yaml(path), **(overrides or {})}, str(path))
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from robot_stack.core.config import ConfigError, config_dir, read_yaml
+from robot_stack.core.config import ConfigError, read_yaml, site_path
 from robot_stack.core.keepout import Keepout, keepout_problems
 from robot_stack.core.mission import Mission, aboard_at_start, home_problem, never_dockable
 from robot_stack.core.runtime import own_missions_dir
@@ -56,9 +56,9 @@ class MissionLibrary:
 
 
 def mission_library(shipped: str = "", own: str = "") -> MissionLibrary:
-    """The library of ``config/missions`` and of the missions made on this robot; arguments replace these folders."""
+    """The library of the site's missions and of those made on this robot; arguments replace these folders."""
     return MissionLibrary(
-        Path(shipped).expanduser() if shipped else config_dir() / "missions",
+        Path(shipped).expanduser() if shipped else site_path("missions"),
         Path(own).expanduser() if own else own_missions_dir(),
     )
 

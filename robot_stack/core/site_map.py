@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 import yaml
 
-from robot_stack.core.config import ConfigError, config_dir, read_yaml
+from robot_stack.core.config import ConfigError, chosen_site, config_dir, read_yaml
 
 Floats = npt.NDArray[np.float64]
 FREE, UNKNOWN, OCCUPIED = 0, -1, 100
@@ -75,8 +75,10 @@ def shaded(occupancy: npt.NDArray[np.int8], shades: Mapping[int, int | tuple[int
 
 
 def chosen_map(name: str | None) -> str:
-    """``name``, or for None that of localization; empty = no map. Raises ConfigError."""
-    return str(read_yaml(config_dir() / "ndt_localization.yaml").get("map", "")) if name is None else name
+    """``name``, or for None that of the site or of localization; empty = no map. Raises ConfigError."""
+    if name is not None:
+        return name
+    return chosen_site() or str(read_yaml(config_dir() / "ndt_localization.yaml").get("map", ""))
 
 
 def map_folder(name: str) -> Path:

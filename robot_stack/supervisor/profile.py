@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 import yaml
 from pydantic import Field, ValidationError, model_validator
@@ -14,13 +14,23 @@ from pydantic import Field, ValidationError, model_validator
 from robot_stack.contract import topics
 from robot_stack.contract.model import Criticality, Process, System
 from robot_stack.contract.processes import BY_NAME
-from robot_stack.core.config import Config, ConfigError, config_dir, read_yaml, validate
+from robot_stack.core.config import Config, ConfigError, chosen_site, config_dir, read_yaml, validate
 from robot_stack.fleet.mqtt_params import BrokerParams
 from robot_stack.wmx.config import ENGINE_VARIABLE, HELD_UP_STALE_S, STALE_VARIABLE
 
 _SAFETY_MONITOR, _SYSTEM_MONITOR = "safety_monitor", "system_monitor"
 _EXPECTED = "expected_processes"
 _FLEET = "fleet_agent"
+# Parameters that name the map of a site, and the world in which it is simulated.
+SITE_PARAMETERS: Final = {
+    "ndt_localization": "map",
+    "navigation_controller": "map",
+    "mission_manager": "map",
+    "touch_ui": "pages.map",
+    "black_box": "map",
+    _FLEET: "map",
+    **dict.fromkeys(("sim_world", "camera_driver", "lidar_driver", "overhead_lidar_driver"), "world"),
+}
 
 
 class Machine(Enum):
@@ -265,6 +275,9 @@ def _parameters(
     if file.speed is not None:
         for node in set(topics.CLOCK.publishers) & nodes:
             merged.setdefault(node, {})["speed"] = file.speed
+    if site := chosen_site():
+        for node in SITE_PARAMETERS.keys() & nodes:
+            merged.setdefault(node, {})[SITE_PARAMETERS[node]] = site
     for setting in settings:
         node, name, value = parse_setting(setting, nodes)
         merged.setdefault(node, {})[name] = value

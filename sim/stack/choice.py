@@ -8,7 +8,7 @@ from robot_stack.contract.states import MissionState
 from robot_stack.core.config import ConfigError, config_dir, validate
 from robot_stack.core.mission_library import MissionError, MissionLibrary
 from sim.run.scenario import Scenario, load_named_scenario
-from sim.settings import DEMO_MISSION, SHORT_MISSION, SHORT_START, START_ERROR_DEG, START_ERROR_M, wrong_start
+from sim.settings import DEMO_MISSION, SHORT_MISSION, SHORT_START, START_ERROR_DEG, START_ERROR_M, own_site, wrong_start
 from sim.stack.random_ride import place, random_ride
 from sim.worldfile import load_world
 
@@ -37,7 +37,7 @@ def choose_scenario(name: str, seed: int | None = None, world: str | None = None
     elif name == RANDOM:
         found = _random(_SEED if seed is None else seed)
     elif name.startswith(_MISSION):
-        found = _mission(name.removeprefix(_MISSION))
+        found = _mission(name.removeprefix(_MISSION), world or _WORLD)
     else:
         found, name = load_named_scenario(name)
     changes = {key: value for key, value in (("seed", seed), ("world", world)) if value is not None}
@@ -46,12 +46,13 @@ def choose_scenario(name: str, seed: int | None = None, world: str | None = None
     return found, name.replace(":", "-")
 
 
-def _mission(mission_id: str, **more: Any) -> Scenario:
+def _mission(mission_id: str, world: str = _WORLD, **more: Any) -> Scenario:
+    folder = config_dir() / "sites" / site if (site := own_site(world)) else config_dir()
     try:
-        mission = MissionLibrary(config_dir() / "missions").find(mission_id)
+        mission = MissionLibrary(folder / "missions").find(mission_id)
     except MissionError as error:
         raise ConfigError(f"{_MISSION}{mission_id}: {error}") from error
-    described = {"description": mission.name_in("en"), "world": _WORLD, "seed": _SEED, "limit_s": _LIMIT_S}
+    described = {"description": mission.name_in("en"), "world": world, "seed": _SEED, "limit_s": _LIMIT_S}
     return validate(Scenario, {**described, "mission": mission_id, "expect": _ARRIVED, **more}, _MISSION + mission_id)
 
 

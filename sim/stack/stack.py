@@ -15,6 +15,7 @@ from typing import Self, cast
 from robot_stack.contract import topics
 from robot_stack.contract.model import Process as Row
 from robot_stack.contract.model import Topic
+from robot_stack.core.config import SITE_VARIABLE
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.port import Port, Publisher
 from robot_stack.supervisor.profile import Plan, load_plan
@@ -25,7 +26,7 @@ from sim.nodes.imu_driver import ImuDriver
 from sim.nodes.sim_world import SimWorld
 from sim.scheduler.observers import LifeChange, Observer
 from sim.scheduler.scheduler import Scheduler
-from sim.settings import WORLDLY
+from sim.settings import WORLDLY, own_site
 from sim.stack.devices import StackDevices, runs
 from sim.stack.faults import StackFaults
 from sim.stack.screen import ScheduledServer
@@ -85,6 +86,7 @@ class SimulatedStack(Observer):
         self.folder = Path(tempfile.mkdtemp(prefix="robot_stack_state-"))
         self._exit.callback(shutil.rmtree, self.folder, ignore_errors=True)
         variables = {name: str(self.folder / name.lower()) for name in _STATE_VARIABLES} | dict(self.plan.environment)
+        variables[SITE_VARIABLE] = own_site(str(self.plan.parameters.get(_WORLD, {}).get("world", "")))
         self._exit.enter_context(_environment(variables))
         self.faults = StackFaults(self)
         self.scheduler.add_observer(self)
