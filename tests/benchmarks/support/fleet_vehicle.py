@@ -14,6 +14,7 @@ from robot_stack.core.departure import DepartureParams
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2, wrap_angle
 from robot_stack.core.goals import SendGoal
+from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.mission import Kind, Mission
 from robot_stack.core.mission_library import MissionError
 from robot_stack.core.navigation_waits import load_navigation_waits
@@ -170,8 +171,10 @@ class FleetVehicle:
 
     def _drive(self, goal: SendGoal, dt_s: float) -> None:
         left_m, turn = self.pose.distance_to(goal.pose), wrap_angle(goal.pose.yaw - self.pose.yaw)
-        share = 1.0 if left_m <= _SPEED_MPS * dt_s else _SPEED_MPS * dt_s / left_m
-        yaw = self.pose.yaw + max(-_YAW_RATE_RADPS * dt_s, min(_YAW_RATE_RADPS * dt_s, turn))
+        limit = SpeedLimit(_SPEED_MPS, _YAW_RATE_RADPS).slower(goal.limit)
+        step_m, step_rad = limit.linear_mps * dt_s, limit.angular_radps * dt_s
+        share = 1.0 if left_m <= step_m else step_m / left_m
+        yaw = self.pose.yaw + max(-step_rad, min(step_rad, turn))
         dx, dy = goal.pose.x - self.pose.x, goal.pose.y - self.pose.y
         self.pose = Pose2(self.pose.x + share * dx, self.pose.y + share * dy, wrap_angle(yaw))
 
