@@ -44,7 +44,8 @@ def _mission_goals(recorded: Recorded) -> str:
 
 REPLAYED: Final[Mapping[str, Replayed]] = {
     "swerve_controller": Replayed(topics.CMD_VEL_LIMITED, integrates=(topics.ODOM, topics.TF)),
-    "navigation_controller": Replayed(topics.CMD_VEL, calls=_mission_goals),
+    # Without a mission there is no limit of one.
+    "navigation_controller": Replayed(topics.CMD_VEL, unused=(topics.MISSION_VELOCITY_LIMIT,), calls=_mission_goals),
     "costmap_server": Replayed(None),
     "perception_pipeline": Replayed(None, integrates=(topics.SPACE, topics.PEOPLE), unused=(topics.LIDAR_POINTS,)),
     "ndt_localization": Replayed(
