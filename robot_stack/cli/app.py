@@ -54,4 +54,6 @@ app.command()(pin)
 app.command()(doctor.doctor)
 app.command()(bench.bench)
 app.command()(coverage)
-app.command()(programs.simulate)
+app.command(  # the simulation parses its own options, and has their help
+    context_settings={"allow_extra_args": True, "ignore_unknown_options": True, "help_option_names": []}
+)(programs.simulate)

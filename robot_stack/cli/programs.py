@@ -54,47 +54,12 @@ def _running() -> dict[str, Any]:
     return {**systems, "use_sim_time": True} if status["use_sim_time"] else systems
 
 
-def simulate(
-    scenario: Annotated[
-        str, typer.Argument(help="A YAML file, a name in config/scenarios/, mission:<id>, demo, demo:short or random.")
-    ],
-    seed: Annotated[
-        int | None, typer.Option(min=0, help="Of all noise, delays and faults; by default the scenario's.")
-    ] = None,
-    world: Annotated[str | None, typer.Option(help="A world of config/worlds/ instead of the scenario's.")] = None,
-    faults: Annotated[
-        str | None, typer.Option(metavar="FILE|random", help="Faults of a YAML file, or drawn from the seed.")
-    ] = None,
-    record: Annotated[
-        Path | None, typer.Option(metavar="FOLDER", help="Record MCAP into this new folder, as `record` does.")
-    ] = None,
-    until: Annotated[float | None, typer.Option(metavar="S", help="End after so many simulated seconds.")] = None,
-    light: Annotated[
-        bool, typer.Option("--light", help="Fewer LiDAR beams; camera images only while docking.")
-    ] = False,
-    shrink: Annotated[
-        bool, typer.Option("--shrink", help="After a broken invariant: drop the faults that it does not need.")
-    ] = False,
-    serial: Annotated[bool, typer.Option("--serial", help="Use one core; changes no result.")] = False,
-    output: Annotated[Path | None, typer.Option(help="Folder of results; by default results.")] = None,
-    no_plots: Annotated[bool, typer.Option("--no-plots", help="Figures only.")] = False,
-) -> None:
-    """Run a scenario on the deterministic scheduler: the whole stack and its world in one process, in virtual time.
-
-    The same seed gives the same run, message by message: compare the digests. A breakpoint in a node stops the world.
-    Ctrl-C ends the run with its figures so far.
-
-    Exit codes: 0 as expected; 1 an expectation is not fulfilled, a process failed, or the run could not be carried
-    out; 2 wrong use or configuration; 3 an invariant was broken; 130 interrupted.
-    """
+def simulate(context: typer.Context) -> None:
+    """Run a scenario, or go on from a recording: the whole stack and its world in one process, in virtual time."""
     from robot_stack.core.wheels_env import ros_environment
 
-    values = {"seed": seed, "world": world, "faults": faults, "record": record, "until": until, "output": output}
-    flags = {"light": light, "shrink": shrink, "serial": serial, "no-plots": no_plots}
-    arguments = [part for name, value in values.items() if value is not None for part in (f"--{name}", str(value))]
-    arguments += [f"--{name}" for name, chosen in flags.items() if chosen]
     # exec: Ctrl-C reaches only the simulation.
-    command = [sys.executable, "-m", _SIMULATION, *arguments, "--", scenario]
+    command = [sys.executable, "-m", _SIMULATION, *context.args]
     os.execve(command[0], command, {**os.environ, **ros_environment()})
 
 

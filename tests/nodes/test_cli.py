@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -362,6 +363,15 @@ def test_record_writes_until_interrupted(start: Start, peer: Peer, tmp_path: Pat
     assert recorder.wait() == 0
     (recording,) = (tmp_path / "ride").glob("*.mcap")
     assert b"/odom" in recording.read_bytes()
+
+
+def test_simulate_passes_its_options_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The command that a run prints to repeat it may have any of them."""
+    started: list[list[str]] = []
+    monkeypatch.setattr(os, "execve", lambda _, command, __: started.append(command))
+    cli("simulate", "--from", "ride@42", "--until", "20")
+    cli("simulate", "--help")
+    assert [command[3:] for command in started] == [["--from", "ride@42", "--until", "20"], ["--help"]]
 
 
 def test_run_starts_a_node_with_its_arguments(start: Start) -> None:
