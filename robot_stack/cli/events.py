@@ -107,6 +107,8 @@ def _find(event_id: str) -> EventRecord:
     from robot_stack.core.kept_events import read_events
 
     found = read_events(_folder())
+    if not found:
+        raise CommandError(f"no events in {_folder()}", WRONG_USE)
     for event in found:
         if event_id in (event.id, "latest"):
             return event

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 from robot_stack.cli.html_page import figures, millimetres, page, seconds, state_line, table
-from robot_stack.contract.states import MissionState
+from robot_stack.contract.states import ENDED, MissionState
 from robot_stack.core.kept_events import EventRecord
 from robot_stack.core.rides import RideComfort, RideRecord, RideStop
 
@@ -56,14 +56,15 @@ def _totals(rides: Sequence[RideRecord], events: Sequence[EventRecord]) -> Itera
 
 
 def _ride(ride: RideRecord, events: Sequence[EventRecord], picture: bytes) -> list[str]:
-    begin, end = ("unknown" if value is None else f"{value:.0%}" for value in ride.battery)
+    known = any(value is not None for value in ride.battery)
+    charge = " to ".join("unknown" if value is None else f"{value:.0%}" for value in ride.battery)
     numbers = (
         (f"{ride.distance_m:.1f} m", "driven"),
         (f"{ride.carried_m:.1f} m", "with a wheelchair"),
         (seconds(ride.duration_s), "from start to end"),
         (f"{ride.top_speed_mps:.2f} m/s", "top speed"),
         (f"{len(ride.stops)} ({seconds(ride.stood_s)})", "stops"),
-        (f"{begin} to {end}", "battery"),
+        (charge if known else "unknown", "battery"),
         *_comfort(ride.comfort),
     )
     dockings = (
@@ -72,7 +73,7 @@ def _ride(ride: RideRecord, events: Sequence[EventRecord], picture: bytes) -> li
     )
     return [
         f'<h2 id="{escape(ride.id)}">{_clock(ride.began_s)} {escape(ride.mission_name or ride.mission_id)}</h2>',
-        state_line(ride.state, ride.reason),
+        state_line(_ended_as(ride), ride.reason),
         figures(numbers),
         _picture(picture, "The route on the map with its numbered stops, and the speed over time"),
         *table("Stops", ("", "from", "for", "where", "why"), map(_stop_row, range(1, 10**6), ride.stops)),
@@ -105,7 +106,12 @@ def _belongs(event: EventRecord, ride: RideRecord) -> bool:
 def _ride_row(ride: RideRecord) -> tuple[str, ...]:
     link = f"#{ride.id} {_clock(ride.began_s)}"
     name, stops = ride.mission_name or ride.mission_id, str(len(ride.stops))
-    return link, name, ride.state, f"{ride.distance_m:.0f} m", seconds(ride.duration_s), stops
+    return link, name, _ended_as(ride), f"{ride.distance_m:.0f} m", seconds(ride.duration_s), stops
+
+
+def _ended_as(ride: RideRecord) -> str:
+    """A ride of which the end is not recorded: it goes on, the recording ends before it, or the power failed."""
+    return ride.state if ride.state in ENDED else f"{ride.state}, end not recorded"
 
 
 def _event_row(event: EventRecord) -> tuple[str, ...]:

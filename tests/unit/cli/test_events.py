@@ -61,6 +61,7 @@ def test_an_empty_list_names_the_folder(tmp_path: Path, monkeypatch: pytest.Monk
     shown = call("list")
     assert shown.exit_code == 0
     assert "no events in" in shown.output
+    assert "no events in" in str(call("show", "latest").exception)
     assert json.loads(call("list", "--json").output) == kept_events(events_dir())["list"] == []
 
 

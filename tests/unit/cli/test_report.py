@@ -153,6 +153,7 @@ def test_a_recording_of_a_ride(state: Path) -> None:
     assert shown.exit_code == 0, shown.output
     page = (state / "report-first_leg.html").read_text()
     assert "about to start: warning persons around the robot" in page
+    assert "<td>RUNNING, end not recorded</td>" in page
     (ride,) = json.loads(call(str(folder / "first_leg.mcap"), "--json").stdout)
     assert (ride["mission_id"], ride["state"]) == ("short_transport", "RUNNING")
     assert ride["distance_m"] == pytest.approx(2.8, abs=0.1)
