@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import NamedTuple
@@ -35,6 +36,8 @@ from robot_stack.perception.weather_filter import crowd_of
 
 Float = NDArray[np.float32]
 _NOTHING: Float = np.empty((0, 3), np.float32)
+# An edge this near to one of the last half sweeps is the same: its place is known up to the next ring.
+_SAME_EDGE_M, _HALF_SWEEPS = 0.3, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +80,7 @@ class Pipeline:
         self._chair_edges = ChairEdges(self._view.mount, self._view.turned, self._view.cut[True][-1], all_heights)
         self._outlines = {chair: self._outline(chair) for chair in (False, True)}
         self._last: tuple[float, Float] | None = None
+        self._past_edges: deque[NDArray[np.float64]] = deque(maxlen=_HALF_SWEEPS)
         wide = params.fast_bodies.space(params.space)
         self._views = self._view.views(wide.reach_m, params.space.reach_m)
         self.space, self._wide_space = Space(params.space, robot), Space(wide, robot)
@@ -92,6 +96,7 @@ class Pipeline:
     def forget(self) -> None:
         """Clears all stored observations."""
         self._last = None
+        self._past_edges.clear()
         self.space.forget()
         self._wide_space.forget()
         self.footing.forget()
@@ -125,9 +130,11 @@ class Pipeline:
             obstacles = np.concatenate([obstacles, specks[self._chair_edges.beside(specks)]])
             filter_params = self._params.mixed_pixels
             obstacles = self._chair_edges.without_sparse(obstacles, filter_params, filter_params.points_min)
-        obstacles = np.concatenate([obstacles, self._edges(seen.profile)])
-        fresh = voxels(obstacles, params.voxel_m, params.far_m, params.far_column_m)
-        look = self._views.view(stamp_s, seen.sensor_m, seen.tilt, fresh, seen.points, seen.profile)
+        edges = self._edges(seen.profile)
+        fresh = voxels(np.concatenate([obstacles, edges]), params.voxel_m, params.far_m, params.far_column_m)
+        stored = np.concatenate([obstacles, self._seen_again(edges, pose)])
+        hits = voxels(stored, params.voxel_m, params.far_m, params.far_column_m) if len(edges) else fresh
+        look = self._views.view(stamp_s, seen.sensor_m, seen.tilt, hits, seen.points, seen.profile)
         if self.chair:
             look = self._chair_edges.without(look)
         look = replace(look, specks=specks, looked_s=self._view.looked_s(points))
@@ -223,6 +230,18 @@ class Pipeline:
         away, z = profile.drop_m[found], profile.drop_height_m[found] + self._params.ground.obstacle_min_m
         xyz = np.stack([self._mount[0] + away * np.cos(angles), self._mount[1] + away * np.sin(angles), z], axis=1)
         return xyz.astype(np.float32)
+
+    def _seen_again(self, edges: Float, pose: Pose2) -> Float:
+        """(k, 3) those of (n, 3) edges, base_link at ``pose``, that an earlier sweep has found beside them. Any edge is
+        an obstacle at once; one of a single sweep may be noise, and is not stored."""
+        c, s = math.cos(pose.yaw), math.sin(pose.yaw)
+        x, y = edges[:, 0], edges[:, 1]
+        at = np.stack([pose.x + c * x - s * y, pose.y + s * x + c * y], axis=1)
+        earlier = np.concatenate([np.empty((0, 2)), *self._past_edges])
+        self._past_edges.append(at)
+        step = at[:, None] - earlier[None]
+        again: NDArray[np.bool_] = np.any(np.hypot(step[..., 0], step[..., 1]) <= _SAME_EDGE_M, axis=1)
+        return edges[again]
 
     def _falls(self, pose: Pose2) -> Float:
         """(k, 3) points where the ground falls, as high above it as the lowest obstacle."""

@@ -12,6 +12,7 @@ from robot_stack.core.point_cloud import Points
 from robot_stack.perception import cells
 from robot_stack.perception.deskew import Attitude
 from robot_stack.perception.pipeline import Pipeline
+from robot_stack.perception.space.kernels import OCCUPIED
 from tests.unit.perception.conftest import Look as Seen
 from tests.unit.perception.conftest import inside
 from tests.unit.perception.scenes import SENSOR_M, Slope, Solid, sweep
@@ -92,6 +93,28 @@ def test_ground_that_ends_without_any_return_behind_is_an_edge(look: Look) -> No
     away = (points["x"] + SENSOR_M[0] > 2.0) & (np.abs(points["y"]) < points["x"])
     scene = look(points[~away])
     assert len(inside(scene.obstacles, (1.7, 2.1), (-0.5, 0.5))) >= 8
+
+
+def test_an_edge_is_an_obstacle_at_once_and_stored_from_the_second_sweep_on(pipeline: Pipeline) -> None:
+    points = sweep()
+    ends = points[~((points["x"] + SENSOR_M[0] > 2.0) & (np.abs(points["y"]) < points["x"]))]
+
+    def stored() -> int:
+        known = pipeline.space.grid()
+        rows, columns = np.nonzero(known.state == OCCUPIED)
+        x, y = known.corner_m[0] + known.cell_m * columns, known.corner_m[1] + known.cell_m * rows
+        return int(((x > 1.7) & (x < 2.1) & (np.abs(y) < 0.5)).sum())
+
+    def shown(stamp_s: float) -> int:
+        return len(inside(pipeline.scene(ends, stamp_s).obstacles, (1.7, 2.1), (-0.5, 0.5)))
+
+    assert (shown(0.0) >= 8, stored()) == (True, 0)
+    assert (shown(0.1) >= 8, stored() >= 8) == (True, True)
+    pipeline.forget()
+    assert (shown(0.2) >= 8, stored()) == (True, 0)
+    for stamp_s in (0.3, 0.4, 0.5, 0.6):
+        pipeline.scene(points, stamp_s)
+    assert (shown(0.7) >= 8, stored()) == (True, 0), "an edge of long ago"
 
 
 def test_a_wet_patch_that_loses_all_returns_is_neither_edge_nor_free(look: Look) -> None:
