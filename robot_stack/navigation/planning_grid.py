@@ -34,7 +34,9 @@ class PlanningGrid:
         self.x_m, self.y_m = grid.origin_x_m, grid.origin_y_m
         self.bounded, self.courses = bounded, courses
         self.unknown = np.ascontiguousarray(grid.occupancy == UNKNOWN)
-        self.known_field: Singles = clearance_field(grid.occupancy == OCCUPIED, grid.resolution_m, FAR_M)
+        obstacles = np.pad(grid.occupancy == OCCUPIED, 1, constant_values=bounded)
+        field = clearance_field(obstacles, grid.resolution_m, FAR_M)[1:-1, 1:-1]
+        self.known_field: Singles = np.ascontiguousarray(field)
         self.field = self.known_field
         self._changed: tuple[slice, slice] | None = None
 

@@ -62,6 +62,8 @@ class WorldModel:
         self.straight_m = math.inf if lanes is None else params.graph.from_m
         courses = FREE_COURSES if grid is None else permitted(zones, grid, params.one_way.tolerance_rad)
         self._mapped = self.grid = None if grid is None else PlanningGrid(grid, courses=courses)
+        # The map's edge is no obstacle of it: people and things beside it are none of the map's.
+        self._obstacles = None if grid is None else PlanningGrid(grid, bounded=False)
         self._limit_rad = limit_rad(params.one_way.tolerance_rad)
         # Way against the one-way zones at the robot, beyond the permitted courses, less the way along them.
         self.back_m = 0.0
@@ -348,9 +350,9 @@ class WorldModel:
 
     def _map_clearance_m(self, points: Array) -> Array:
         """(n,) distance of points (n, 2), map, from the map's obstacles."""
-        assert self._mapped is not None
+        assert self._obstacles is not None
         dot = np.zeros((1, 2))
-        return self._mapped.clearance_m(dot, np.column_stack((points, np.zeros(len(points)))), known=True)
+        return self._obstacles.clearance_m(dot, np.column_stack((points, np.zeros(len(points)))), known=True)
 
     def _to_map(self, points: Array) -> Array:
         o = self.map_to_odom

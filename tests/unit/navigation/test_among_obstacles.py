@@ -400,9 +400,9 @@ def test_a_repeated_list_of_people_is_not_fresh() -> None:
 
 def test_people_at_obstacles_of_the_map_are_left_out() -> None:
     around = Story(nothing, corridor()).controller.around
-    wall, free = (Person(1.0, 5.0, y, walks=True, walked=True, apart_s=1.0) for y in (0.1, 5.0))
-    around.on_people(1.0, (wall, free), 1.0)
-    assert around.people == (free,)
+    wall, free, beyond = (Person(1.0, 5.0, y, walks=True, walked=True, apart_s=1.0) for y in (0.1, 5.0, -3.0))
+    around.on_people(1.0, (wall, free, beyond), 1.0)
+    assert around.people == (free, beyond), "outside the map there is no obstacle of it"
 
 
 def test_cells_of_a_walker_are_no_static_obstacle_where_the_walker_is_at_the_costmap_s_stamp() -> None:

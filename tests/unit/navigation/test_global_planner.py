@@ -206,3 +206,13 @@ def test_passage_between_poses_turns_along_the_path_and_keeps_its_ends() -> None
     assert math.isclose(wrap_angle(found[-1, 2] - goal[2]), 0.0, abs_tol=1e-9)
     assert np.abs(np.diff(found[:, 2])).max() < 0.2
     assert np.hypot(*np.diff(found[:, :2], axis=0).T).max() < 0.2
+
+
+def test_a_route_stays_inside_a_map_whose_edge_has_no_obstacles() -> None:
+    """Beside an obstacle that leaves 1.3 m to the edge, and more than the preferred distance in the middle of them."""
+    bounded = PlanningGrid(Grid(0.05, 0.0, 0.0, np.full((120, 120), FREE, np.int8)))
+    x, y = np.meshgrid(np.arange(0.0, 4.7, 0.05), (3.0, 3.05))
+    bounded.lay_over(np.column_stack((x.ravel(), y.ravel())))
+    found = GlobalPlanner(bounded, params().planner).plan(Pose2(3.0, 1.0, 0.0), Pose2(3.0, 5.0, 0.0), ROBOT.footprint)
+    assert isinstance(found, Path)
+    assert bounded.clearance_m(outline(ROBOT.footprint), found.poses).min() >= params().planner.margin_m
