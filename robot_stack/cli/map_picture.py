@@ -22,7 +22,12 @@ _WALL_FROM_M = 0.1
 Places = npt.NDArray[np.float64]
 
 
-_ZONE_COLOURS = {ZoneType.KEEPOUT: "tab:red", ZoneType.SPEED: "tab:blue", ZoneType.ONE_WAY: "tab:green"}
+_ZONE_COLOURS = {
+    ZoneType.KEEPOUT: "tab:red",
+    ZoneType.SPEED: "tab:blue",
+    ZoneType.ONE_WAY: "tab:green",
+    ZoneType.DOOR: "tab:purple",
+}
 
 
 def draw_map(

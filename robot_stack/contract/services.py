@@ -25,6 +25,12 @@ EDIT_MISSION_QUEUE = Service(
     "mission_manager",
     "adds, removes or moves an order, holds or releases the queue, or changes the destination of the ride",
 )
+CONFIRM_DOOR = Service(
+    "/building/confirm",
+    "custom_msgs/srv/ConfirmDoor",
+    "navigation_controller",
+    "staff confirm that the door for which the robot waits is open, for one passage",
+)
 INJECT_FAULT = Service(
     "/sim/inject_fault",
     "custom_msgs/srv/InjectFault",

@@ -47,6 +47,27 @@ class HeldBy(IntEnum):
     DOCKED = 11
 
 
+class DoorMode(IntEnum):
+    """``BuildingState.mode``; of ``BuildingRequest.mode`` CLOSED and OPEN."""
+
+    CLOSED = 0
+    MOVING = 1
+    OPEN = 2
+    OFFLINE = 3
+    UNKNOWN = 4
+
+
+class DoorPhase(IntEnum):
+    """``BuildingRequest.phase``."""
+
+    APPROACHING = 0
+    WAITING = 1
+    ASKING_STAFF = 2
+    PASSING = 3
+    LEFT = 4
+
+
+DOOR_WAITS = frozenset({DoorPhase.WAITING, DoorPhase.ASKING_STAFF})
 # The robot moves by the measured pose of a dock.
 SERVOED = frozenset({DockingState.SERVOING, DockingState.FINE_ALIGN})
 # The robot aims at the markers of a dock.

@@ -360,6 +360,31 @@ NAVIGATION_STATUS = Topic(
     ("mission_manager", "touch_ui"),
     "internal: activity of navigation or the reason of its failure, for operators; no node depends on it",
 )
+BUILDING_REQUEST = Topic(
+    "/building/request",
+    "custom_msgs/msg/BuildingRequest",
+    qos.REQUEST_QUEUE,
+    ("navigation_controller",),
+    ("mission_manager", "touch_ui", "sim_world", EXTERNAL),
+    "requests to open a door and to hold it open, until the robot has left it; only in a site with door zones",
+    rate_hz=1.0,
+    stale_s=2.5,
+    on_demand=True,
+    sometimes=("sim_world",),  # in a world with doors
+)
+BUILDING_STATE = Topic(
+    "/building/state",
+    "custom_msgs/msg/BuildingState",
+    qos.REQUEST_QUEUE,
+    ("sim_world", EXTERNAL),
+    ("navigation_controller",),
+    "state of each door of the building, from its interface; two that contradict each other let no robot pass",
+    rate_hz=2.0,
+    stale_s=2.5,
+    queue=50,
+    on_demand=True,
+    sometimes=("sim_world",),  # in a world with doors
+)
 NAVIGATION_PEOPLE = Topic(
     "/navigation/people",
     "visualization_msgs/msg/MarkerArray",

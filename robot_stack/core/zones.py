@@ -1,4 +1,4 @@
-"""Zones of a site: where navigation may not drive, or only slowly.
+"""Zones of a site: where navigation may not drive, only slowly, only one way, or only through an open door.
 
 They lie beside the site's map, ``config/maps/<name>/zones.geojson``. Zones edited on the robot are a file of its own
 data, which is in force instead of the site's as long as it exists (``ZoneFiles``).
@@ -6,7 +6,8 @@ data, which is in force instead of the site's as long as it exists (``ZoneFiles`
 A GeoJSON FeatureCollection of Polygons, also with holes, in the map frame; coordinates x, y in m. Properties:
     name     for people, unique
     type     keepout: the footprint stays outside; speed: at most speed_limit_mps inside; one_way: base_link moves
-             along heading_deg inside, counter-clockwise from x of map, and not against it
+             along heading_deg inside, counter-clockwise from x of map, and not against it; door: the footprint enters
+             once the building reports the door of this name open
 Zones are rules of the site, not obstacles: localization, the costmap and the safety monitor do not use them.
 """
 
@@ -39,6 +40,7 @@ class ZoneType(StrEnum):
     KEEPOUT = "keepout"
     SPEED = "speed"
     ONE_WAY = "one_way"
+    DOOR = "door"
 
 
 class _Properties(Config):

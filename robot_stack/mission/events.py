@@ -38,6 +38,7 @@ class Inputs:
     docking_served: a server offers the docking actions.
     docking_state: state of /docking/status, empty while stale.
     navigation_text: navigation's status text, for people; not used for decisions.
+    door: the door for which the robot waits, with what it needs, for people; else empty.
     charging: the battery is being charged. manual: a person drives, by /teleop/cmd_vel.
     setting_out: navigation or docking is warning people of a start.
     clock_s: the node's clock, for the earliest times of orders; NaN = unknown.
@@ -54,6 +55,7 @@ class Inputs:
     docking_served: bool = False
     docking_state: str = ""
     navigation_text: str = ""
+    door: str = ""
     charging: bool = False
     manual: bool = False
     setting_out: bool = False

@@ -748,7 +748,7 @@ class MissionKernel:
     def _drive(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         pose, current = finite(inputs.pose), self._record.current
         assert current is not None
-        self._held = guards.held_in_ride(inputs)
+        self._held = guards.held_in_ride(inputs) or inputs.door
         if self._lost_s >= self._params.localization_lost_s:
             return self._stand(Trigger.LOST, _LOST)
         if guards.battery_critical(inputs) and self._record.safe_place is None:
@@ -757,7 +757,8 @@ class MissionKernel:
             return self._serve(inputs)
         if self._leg.goal_due:
             return self._set_out(current, inputs, dt_s)
-        if self._departure.due:
+        self._leg.at_door = bool(inputs.door) or (self._leg.at_door and not self._departure.moving)
+        if self._departure.due and not self._leg.at_door:  # at a door navigation keeps its request and warns itself
             # Navigation would continue by itself: it gets its goal back after a warning.
             self._leg.goal_due = True
             return (CancelGoal(),)

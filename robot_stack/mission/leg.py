@@ -24,6 +24,7 @@ class Leg:
         "_params",
         "_recoveries",
         "_remaining_m",
+        "at_door",
         "goal_due",
         "settled_s",
         "stalled_s",
@@ -38,6 +39,8 @@ class Leg:
         self.stalled_s = 0.0
         self.waited_s = 0.0
         self.goal_due = goal_due
+        # The robot waits for a door, or has not moved since it was opened.
+        self.at_door = False
 
     def arrived(self, inputs: Inputs, stops: tuple[Waypoint, ...], index: int, dt_s: float) -> bool:
         """True once the waypoint is reached: passed, or stood at for settle_s. Call once a tick with a known pose."""

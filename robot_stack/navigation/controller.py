@@ -22,6 +22,7 @@ from robot_stack.core.robot import Footprint, Robot
 from robot_stack.core.route_graph import RouteGraph
 from robot_stack.core.site_map import Grid
 from robot_stack.core.zones import Zone
+from robot_stack.navigation.doors import DoorRequest
 from robot_stack.navigation.follower import RouteFollower
 from robot_stack.navigation.goal import GoalCode, GoalEnd, GoalRequest, Refusal, refusal, too_far
 from robot_stack.navigation.lanes import Lanes
@@ -73,7 +74,7 @@ class Situation:
 class Output:
     """twist: the command, base_link. planned: the pose the robot should have now, None without a plan.
 
-    text: the activity, for people. end: how the goal ended, in the first tick after that.
+    text: the activity, for people. end: how the goal ended, in the first tick after that. doors: requests to publish.
     """
 
     twist: Twist2
@@ -82,6 +83,7 @@ class Output:
     planned: Pose2 | None = None
     error: TrackingError = _NO_ERROR
     end: GoalEnd | None = None
+    doors: tuple[DoorRequest, ...] = ()
 
     @property
     def reached(self) -> bool:
@@ -250,6 +252,7 @@ class NavigationController:
             # What people drive by hand uses up nothing.
             driven = ZERO_TWIST if self._state is NavigationState.IDLE else located.twist
             self.around.count_back(located.pose, driven, dt_s)
+        doors = self._update_doors(located)
         self._departure.elapse(None if located is None else located.twist, dt_s)
         if situation.emergency_stop:
             self.stop()
@@ -263,7 +266,17 @@ class NavigationController:
         else:
             output = self._set_out(located, dt_s)
         self._twist = output.twist if output.twist.is_finite() else ZERO_TWIST
-        return replace(output, twist=self._twist, end=self.take_end())
+        return replace(output, twist=self._twist, end=self.take_end(), doors=doors)
+
+    def _update_doors(self, located: Located | None) -> tuple[DoorRequest, ...]:
+        planned = self._state is not NavigationState.FOLLOWING or self._follower.route is not None
+        ahead = None
+        if self._goal is None:
+            ahead = np.empty((0, 3))
+        elif located is not None and self.path is not None and self._state is not NavigationState.HELD and planned:
+            ahead = self._follower.ahead(self.path, self.path.project(located.pose.x, located.pose.y)[0])
+        here, stands = (None, False) if located is None else (located.pose, self._standing(located.twist))
+        return self.around.doors.update(ahead, here, self._footprint(), self._now_s, stands=stands)
 
     def _check_progress(self, dt_s: float) -> None:
         """Ends the goal if the robot does not follow its commands."""
@@ -422,7 +435,7 @@ class NavigationController:
             self._end = GoalEnd(GoalStatus.ABORTED, step.text, GoalCode.PATIENCE_EXCEEDED)
             self._finish(Trigger.GAVE_UP, step.text)
             return self._idle()
-        self._text = step.text
+        self._text = self.around.doors.text or step.text
         if self._follower.route is not None:
             self.path = self._follower.route
         limit = limits.cruise

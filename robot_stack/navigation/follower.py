@@ -149,7 +149,7 @@ class RouteFollower:
         along_m, beside_m = route.project(located.pose.x, located.pose.y)
         if abs(beside_m) > p.follow.off_route_m:
             self._ask_again(located, footprint)
-        ahead = self._ahead(route, along_m)
+        ahead = self.ahead(route, along_m)
         clear = around.clearance_m(footprint, ahead)
         at = around.to_odom(ahead)
         metres = np.arange(len(ahead)) * _SPACING_M
@@ -159,6 +159,7 @@ class RouteFollower:
         along = np.column_stack((at, metres))
         waits = p.passage if self._waited_s < p.passage.wait_s else None
         zones = around.zone_speed_mps(ahead)
+        zones = np.where(metres >= around.doors.stop_m(footprint, ahead, _SPACING_M), 0.0, zones)
         cap = speed_limits(
             along, clear, zones, people, now_s, speed, limits, footprint, p.speed_limits, p.people, waits
         )
@@ -168,7 +169,7 @@ class RouteFollower:
         table = _table(people, now_s, p.people)
         aside = self._give_way(located, footprint, now_s, dt_s)
         if aside is not None:
-            aside = self._in_zones(aside, located, limits)
+            aside = self._in_zones(aside, located, footprint, limits)
             return Step(self._smoother.towards(aside, start, limits, dt_s), _ASIDE)
         pose = located.pose.relative_to(around.map_to_odom)
         exact = self._exact(route, located, footprint, float(cap.speed_mps[:3].min()), limits)
@@ -181,10 +182,10 @@ class RouteFollower:
                 pose, start, np.column_stack((at, metres, cap.speed_mps)), limits, footprint, local, table
             )
             requested, urgent = choice.twist, choice.urgent
-        requested = self._in_zones(requested, located, limits)
+        requested = self._in_zones(requested, located, footprint, limits)
         twist = self._smoother.towards(requested, start, planning.braking if urgent else limits, dt_s)
         slow = twist.speed() < p.follow.stuck_mps and abs(twist.omega) < 2.0 * p.follow.stuck_mps
-        self._stuck_s = self._stuck_s + dt_s if slow else 0.0
+        self._stuck_s = self._stuck_s + dt_s if slow and not around.doors.text else 0.0
         if cap.yields and speed < _STANDING_MPS:
             return Step(twist, "waiting for a pedestrian to pass")
         return Step(twist, "blocked, searching for a path" if slow else _ALONG)
@@ -200,7 +201,7 @@ class RouteFollower:
         near = follower.locate(located.pose)
         if not near:
             along_m, _ = route.project(located.pose.x, located.pose.y)
-            ahead = self._ahead(route, along_m)[: round(p.ahead_m / _SPACING_M)]
+            ahead = self.ahead(route, along_m)[: round(p.ahead_m / _SPACING_M)]
         else:
             ahead = follower.ahead(p.ahead_m)
         clear_m = self._around.clearance_m(footprint, ahead)
@@ -211,14 +212,17 @@ class RouteFollower:
             return None
         return follower.command(located.pose, ahead, clear_m, speed_mps, limits)
 
-    def _in_zones(self, twist: Twist2, located: Located, limits: MotionLimits) -> Twist2:
-        """``twist`` at the zones' speed, without its motion against a one-way zone beyond ``back_m``."""
+    def _in_zones(self, twist: Twist2, located: Located, footprint: Footprint, limits: MotionLimits) -> Twist2:
+        """``twist`` at the zones' speed, stopping before closed doors, without its motion against a one-way zone beyond
+        ``back_m``.
+        """
         deceleration_mps2 = self._params.speed_limits.braking_share * limits.acceleration_mps2
         back_m = self._around.back_left_m(located.pose, twist)
         if back_m == 0.0:
             return Twist2(0.0, 0.0, twist.omega)
         speed_mps = self._around.zone_limit_mps(located, self._smoother.twist, deceleration_mps2)
-        speed_mps = min(speed_mps, math.sqrt(2.0 * deceleration_mps2 * back_m))
+        door_mps = self._around.doors.limit_mps(footprint, located.pose, twist, deceleration_mps2)
+        speed_mps = min(speed_mps, door_mps, math.sqrt(2.0 * deceleration_mps2 * back_m))
         return bounded(twist, speed_mps, math.inf)
 
     def _local(self) -> LocalMap:
@@ -258,7 +262,7 @@ class RouteFollower:
             self._ask_again(located, footprint)
         return None
 
-    def _ahead(self, route: Path, along_m: float) -> Array:
+    def ahead(self, route: Path, along_m: float) -> Array:
         """(n, 3) poses of the route from ``along_m`` on, evenly spaced, as far as the local controller looks."""
         end_m = min(route.length_m, along_m + self._params.follow.ahead_m)
         count = max(2, math.ceil((end_m - along_m) / _SPACING_M) + 1)
@@ -308,10 +312,12 @@ class RouteFollower:
             return
         self._checked = self._around.costmaps
         along_m, _ = self.route.project(located.pose.x, located.pose.y)
-        ahead = self._ahead(self.route, along_m)
+        ahead = self.ahead(self.route, along_m)
         clear = self._around.clearance_m(footprint, ahead)
         # The robot may leave a place nearer to an obstacle than the margin.
-        blocked = np.flatnonzero(clear[5:] < min(self._params.follow.blocked_margin_m, float(clear[0])))
+        # A closed door stops the robot by itself, and what is behind it may change until it is open.
+        clear = clear[: self._around.doors.closed_from(footprint, ahead)]
+        blocked = np.flatnonzero(clear[5:] < min(self._params.follow.blocked_margin_m, *clear[:1]))
         self._blocked_looks = self._blocked_looks + 1 if len(blocked) else 0
         if self._blocked_looks >= 2:
             x, y, _ = ahead[blocked[0] + 5]
@@ -326,7 +332,7 @@ class RouteFollower:
         self._stuck_s += dt_s
         aside = self._give_way(located, footprint, now_s, dt_s, no_way=True)
         if aside is not None:
-            aside = self._in_zones(aside, located, limits.cruise)
+            aside = self._in_zones(aside, located, footprint, limits.cruise)
             return Step(self._smoother.towards(aside, self._smoother.twist, limits.cruise, dt_s), _ASIDE)
         self._without_way_s += dt_s
         text = f"the only path is blocked{self._where()}"

@@ -34,7 +34,7 @@ def is_direct(
     *,
     entering: bool,
 ) -> bool:
-    """Whether the rest of the motion from ``from_s`` on is clear of obstacles and people.
+    """Whether the rest of the motion from ``from_s`` on is clear of obstacles, people and closed doors.
 
     Against one-way zones, only a motion is clear that is not longer than what the robot has left of
     ``one_way.back_m``; in a site with lanes one shorter than ``straight_m``.
@@ -43,6 +43,8 @@ def is_direct(
     if around.free_space:
         return True
     poses = sampled(trajectory, from_s, trajectory.duration_s)
+    if around.doors.closed_from(footprint, poses) < len(poses):
+        return False
     f, end = params.follow, poses[-1]
     left = np.hypot(poses[:, 0] - end[0], poses[:, 1] - end[1])
     if left[0] > around.straight_m:

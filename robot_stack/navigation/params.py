@@ -131,6 +131,13 @@ class GraphParams(Config):
     tries: Annotated[int, Field(ge=1, le=50)]
 
 
+class DoorParams(Config):
+    """Doors of the site. stop_m: before the zone. answer_s: a robot that has waited for longer asks staff."""
+
+    stop_m: Positive
+    answer_s: Positive
+
+
 class LocalParams(Config):
     """The sampling controller. weights: progress, offset, heading, clearance, person, change of offset."""
 
@@ -269,6 +276,7 @@ class NavigationParams(Config):
     planner: PlannerParams
     one_way: OneWayParams
     graph: GraphParams
+    door: DoorParams
     local: LocalParams
     speed_limits: SpeedLimitParams
     people: PeopleParams

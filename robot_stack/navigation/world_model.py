@@ -15,6 +15,7 @@ from robot_stack.core.people import Person
 from robot_stack.core.robot import Footprint
 from robot_stack.core.site_map import OCCUPIED, Grid
 from robot_stack.core.zones import Zone, ZoneType
+from robot_stack.navigation.doors import Doors
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.global_planner import goal_problem
 from robot_stack.navigation.goal import GoalCode, Refusal
@@ -67,6 +68,7 @@ class WorldModel:
         self._limit_rad = limit_rad(params.one_way.tolerance_rad)
         # Way against the one-way zones at the robot, beyond the permitted courses, less the way along them.
         self.back_m = 0.0
+        self.doors = Doors(zones, params.door)
         self._zones = zones if lanes is None else (*zones, *lanes.speed_zones())
         self._slow = [zone for zone in self._zones if zone.type is ZoneType.SPEED]
         outlines = [zone.rings[0] for zone in self._slow]
@@ -279,7 +281,7 @@ class WorldModel:
 
     def question(self, start: Pose2, goal: Pose2, footprint: Footprint) -> RouteRequest:
         """A request for a route around all obstacles of map and costmap until now, and around standing people."""
-        seen = np.concatenate((self._remembered, self._standing()))
+        seen = np.concatenate((self.doors.hide(self._remembered), self._standing()))
         return RouteRequest(start, goal, footprint, seen)
 
     def _standing(self) -> Array:

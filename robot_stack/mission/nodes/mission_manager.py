@@ -8,12 +8,13 @@ from typing import Any
 from sensor_msgs.msg import BatteryState
 from std_msgs.msg import String
 
-from custom_msgs.msg import UICommand
+from custom_msgs.msg import BuildingRequest, UICommand
 from robot_stack.contract import services, topics
 from robot_stack.contract.display import Display
 from robot_stack.core.config import load
 from robot_stack.core.departure import DepartureParams
 from robot_stack.core.docks import load_docks
+from robot_stack.core.doors import DoorWaits
 from robot_stack.core.keepout import load_keepout
 from robot_stack.core.mission_library import mission_library
 from robot_stack.core.navigation_waits import load_navigation_waits
@@ -48,6 +49,8 @@ class MissionManagerNode(StackNode):
         self._battery = self.subscribe(topics.BATTERY_STATE)
         self._robot_status = self.subscribe(topics.ROBOT_STATUS)
         self._teleop = self.subscribe(topics.TELEOP_CMD_VEL)
+        self._doors = DoorWaits(topics.BUILDING_REQUEST.stale_limit_s)
+        self.subscribe(topics.BUILDING_REQUEST, self._on_door)
         self._plan = self.subscribe(topics.PLAN)
         self._navigation_status = self.subscribe(topics.NAVIGATION_STATUS)
         self._docking_status = self.subscribe(topics.DOCKING_STATUS)
@@ -91,6 +94,9 @@ class MissionManagerNode(StackNode):
     def _on_wheelchair(self, attached: bool) -> None:
         self._handle(ev.PassengerChanged(attached))
 
+    def _on_door(self, message: BuildingRequest) -> None:
+        self._doors.on_request(message.name, message.phase, self.steady_s())
+
     def on_emergency_stop(self) -> None:
         self._handle(ev.EmergencyStopBegan())
 
@@ -125,6 +131,7 @@ class MissionManagerNode(StackNode):
             navigation_text="" if navigation is None else navigation.data,
             docking_served=self._docking.served(),
             docking_state=self._docking_state(),
+            door=self._doors.text(self.steady_s()),
             charging=self._battery.fresh() and self._battery.latest.power_supply_status == _CHARGING,
             manual=self._teleop.fresh(),
             setting_out=self._motion_warnings.active,

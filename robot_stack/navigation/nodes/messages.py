@@ -10,12 +10,14 @@ from nav_msgs.msg import Path as PathMessage
 from numpy.typing import NDArray
 from sensor_msgs.msg import PointCloud2
 
+from custom_msgs.msg import BuildingRequest, BuildingState
 from robot_stack.contract import frames, topics
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.people import Person, people_of
 from robot_stack.core.point_cloud import PEOPLE
 from robot_stack.middleware.conversions import pose_stamped, time_to_s
 from robot_stack.middleware.point_cloud import points_of
+from robot_stack.navigation.doors import DoorRequest, DoorState
 from robot_stack.navigation.goal import GoalRequest
 from robot_stack.navigation.path import Path
 
@@ -23,6 +25,17 @@ from robot_stack.navigation.path import Path
 def goal_request(message: PoseStamped) -> GoalRequest:
     p, q = message.pose.position, message.pose.orientation
     return GoalRequest(message.header.frame_id, time_to_s(message.header.stamp), (p.x, p.y, p.z), (q.x, q.y, q.z, q.w))
+
+
+def building_request(request: DoorRequest, requester: str, stamp: Time) -> BuildingRequest:
+    message = BuildingRequest(name=request.name, requester=requester, passage=request.passage)
+    message.header.stamp, message.mode, message.phase = stamp, int(request.mode), int(request.phase)
+    return message
+
+
+def door_state(message: BuildingState, requester: str) -> DoorState:
+    stamp_s = time_to_s(message.header.stamp)
+    return DoorState(message.name, message.mode, requester in message.sessions, stamp_s)
 
 
 def costmap_cells(message: OccupancyGrid) -> NDArray[np.int8]:

@@ -13,8 +13,9 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import OccupancyGrid, Odometry
 from sensor_msgs.msg import PointCloud2
 
-from custom_msgs.msg import VelocityLimit
-from robot_stack.contract import frames, topics
+from custom_msgs.msg import BuildingState, VelocityLimit
+from custom_msgs.srv import ConfirmDoor
+from robot_stack.contract import frames, services, topics
 from robot_stack.core.config import load
 from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import ZERO_TWIST
@@ -30,7 +31,7 @@ from robot_stack.middleware.wheelchair import WheelchairInput
 from robot_stack.navigation.background_planner import BackgroundPlanner
 from robot_stack.navigation.controller import NavigationController, Output, Situation
 from robot_stack.navigation.goal import GoalEnd
-from robot_stack.navigation.nodes.messages import costmap_cells, goal_request, people_in
+from robot_stack.navigation.nodes.messages import costmap_cells, door_state, goal_request, people_in
 from robot_stack.navigation.nodes.navigation_goals import NavigationGoals
 from robot_stack.navigation.nodes.outputs import NavigationOutputs
 from robot_stack.navigation.params import NavigationParams
@@ -69,6 +70,8 @@ class NavigationControllerNode(StackNode):
         self._goals = NavigationGoals(self, self._begin)
         self._last_located: tuple[Located, Time] | None = None
         self._ticks = 0
+        self.subscribe(topics.BUILDING_STATE, self._on_building)
+        self.serve(services.CONFIRM_DOOR, self._on_confirm)
         self.subscribe(topics.ODOM, self._on_odometry)
         self.subscribe(topics.CURRENT_POSE, self._on_pose)
         self.subscribe(topics.GOAL_POSE, self._on_goal)
@@ -117,6 +120,14 @@ class NavigationControllerNode(StackNode):
             self._outputs.plan(self.controller.path)
         else:
             self._begin(message)
+
+    def _on_building(self, message: BuildingState) -> None:
+        self.controller.around.doors.on_state(door_state(message, self._outputs.requester), self.now_s())
+
+    def _on_confirm(self, request: ConfirmDoor.Request, response: ConfirmDoor.Response) -> ConfirmDoor.Response:
+        refusal = self.controller.around.doors.confirm(request.name, self.now_s())
+        response.success, response.message = not refusal, refusal or f"door {request.name}: the robot passes once"
+        return response
 
     def _begin(self, message: PoseStamped, goal: ActionGoal | None = None) -> None:
         """goal: the handle of an action goal. Its call cannot be stale, so that, as in Nav2, its stamp may be old."""
@@ -176,6 +187,7 @@ class NavigationControllerNode(StackNode):
         self._motion_warnings.publish(self._departure.remaining_s)
         self._outputs.command(output.twist)
         self._outputs.plan(self.controller.path)
+        self._outputs.doors(output.doors)
         self._end_goal(output.end)
         self._publish_feedback(located)
         self._report_state(output, problem)

@@ -12,13 +12,17 @@ from robot_stack.core.geometry import Twist2
 from robot_stack.core.people import Person
 from robot_stack.middleware.conversions import time_to_s, twist_to_msg
 from robot_stack.middleware.node import StackNode
-from robot_stack.navigation.nodes.messages import path_message
+from robot_stack.navigation.doors import DoorRequest
+from robot_stack.navigation.nodes.messages import building_request, path_message
 from robot_stack.navigation.nodes.people_markers import people_markers
 from robot_stack.navigation.path import Path
 
 
 class NavigationOutputs:
-    """Publishers of the node ``navigation_controller``. sightings: people seen in fewer grids are left out."""
+    """Publishers of the node ``navigation_controller``. sightings: people seen in fewer grids are left out.
+
+    requester: the session of this node with the building.
+    """
 
     def __init__(self, node: StackNode, sightings: int) -> None:
         self._node, self._sightings = node, sightings
@@ -26,6 +30,8 @@ class NavigationOutputs:
         self._plan = node.advertise(topics.PLAN)
         self._status = node.advertise(topics.NAVIGATION_STATUS)
         self._people = node.advertise(topics.NAVIGATION_PEOPLE)
+        self._requests = node.advertise(topics.BUILDING_REQUEST)
+        self.requester = f"{node.get_name()}_{node.port.process_id}_{node.now_s():.3f}"
         self._shown_path: Path | None = None
         self._plan_shown = False
         self._status_text = ""
@@ -39,6 +45,10 @@ class NavigationOutputs:
             return
         self._plan.publish(path_message(path, self._node.stamp()))
         self._shown_path, self._plan_shown = path, True
+
+    def doors(self, requests: Iterable[DoorRequest]) -> None:
+        for request in requests:
+            self._requests.publish(building_request(request, self.requester, self._node.stamp()))
 
     def status(self, text: str) -> None:
         if text != self._status_text:

@@ -708,3 +708,15 @@ def test_every_active_state_can_be_aborted_and_no_other():
 def test_the_document_is_fresh():
     drawn = Path(__file__).parents[3] / "docs" / "mission_states.md"
     assert drawn.read_text(encoding="utf-8") == diagram.document(), "draw it again: its second line says how"
+
+
+def test_a_door_that_does_not_open_neither_fails_the_mission_nor_ends_the_goal(story):
+    story.start("park").at(0.3, speed=0.5).tick().clear()
+    story.given(door="waiting for door hall").at(0.4).tick(3.0 * story.params.tries * story.params.progress_timeout_s)
+    assert story.state is State.RUNNING
+    assert story.kernel.record.failed_tries == 0
+    assert story.status.reason == "waiting for door hall"
+    story.given(door="").tick(5.0)
+    assert story.log == [], "navigation warns people itself: it must keep its goal, with which its request ends"
+    story.at(0.5, speed=0.5).tick().at(0.5).tick(DEPARTURE.after_s + 1.0)
+    assert story.log == ["cancel"]
