@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import typer
 
-from robot_stack.cli import bench, dock, doctor, programs, safety, stack, topics
+from robot_stack.cli import bench, dock, doctor, door, programs, safety, stack, topics
 from robot_stack.cli.arm import arm
 from robot_stack.cli.calibrate import calibrate
 from robot_stack.cli.coverage import coverage
@@ -42,6 +42,7 @@ app.add_typer(wmx, name="wmx")
 app.add_typer(fleet, name="fleet")
 app.command()(dock.dock)
 app.command()(dock.undock)
+app.command()(door.confirm_door)
 app.command()(safety.estop)
 app.command()(safety.reset)
 app.command()(topics.topics)

@@ -19,7 +19,11 @@ NEEDS_STAFF, PAD_BUSY, NO_PIN_SET, WAIT, SLOW_DOWN = (
 )
 _EDITS = (p.CheckMission, p.SaveMission, p.DeleteMission, p.SaveZone, p.DeleteZone)
 _ORDERS = (p.AddOrder, p.ChangeOrder)
-_STAFF_ONLY = (p.Reset, p.ClearStop, p.Pad, p.Pose, p.Goal, p.CancelGoal, p.Undock, p.SelfTest, *_ORDERS, *_EDITS)
+_STAFF_ONLY = (
+    *(p.Reset, p.ClearStop, p.Pad, p.Pose, p.Goal, p.CancelGoal, p.Undock, p.ConfirmDoor, p.SelfTest),
+    *_ORDERS,
+    *_EDITS,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,6 +141,8 @@ def named(message: p.ClientMessage) -> str:
             return f"save zone {message.name}"
         case p.DeleteZone():
             return f"delete zone {message.name}"
+        case p.ConfirmDoor():
+            return f"confirm door {message.name}"
         case p.ClearStop():
             return f"clear the emergency stop of {message.source}"
         case p.SelfTest():

@@ -189,6 +189,13 @@ class Undock(Message):
     t: Literal["undock"]
 
 
+class ConfirmDoor(Message):
+    """The door for which the robot waits is open, as seen on site: for one passage."""
+
+    t: Literal["confirm_door"]
+    name: ZoneName
+
+
 class CallStaff(Message):
     """A rider calls staff (on), or staff have arrived (off)."""
 
@@ -266,6 +273,7 @@ ClientMessage = Annotated[
     | Goal
     | CancelGoal
     | Undock
+    | ConfirmDoor
     | CallStaff
     | CheckMission
     | SaveMission

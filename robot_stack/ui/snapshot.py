@@ -127,6 +127,7 @@ class Snapshot:
     """battery: charge [0, 1], NaN unknown. speed: (m/s, rad/s) commanded to the wheels. quality: of the pose [0, 1].
 
     plan: (x, y) in map, m. emergency_stop: from the first /emergency_stop true until both keys have released it.
+    door: name and ``DoorPhase`` of the one for which the robot waits.
     """
 
     safety: Safety | None = None
@@ -142,6 +143,7 @@ class Snapshot:
     speed: tuple[float, float] | None = None
     plan: tuple[tuple[float, float], ...] = ()
     navigation: str = ""
+    door: tuple[str, int] | None = None
     markers: tuple[Marker, ...] = ()
     people: tuple[Person, ...] = ()
     emergency_stop: bool = False

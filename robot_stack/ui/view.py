@@ -7,7 +7,7 @@ from typing import Any
 
 from robot_stack.contract.faults import BY_CODE
 from robot_stack.contract.model import SafetyState
-from robot_stack.contract.states import ACTIVE, HeldBy, MissionState
+from robot_stack.contract.states import ACTIVE, DoorPhase, HeldBy, MissionState
 from robot_stack.ui.snapshot import Docking, Limit, Order, Queue, Ride, Safety, Snapshot
 
 Section = dict[str, Any]
@@ -36,6 +36,7 @@ def sections(snapshot: Snapshot) -> dict[str, Section]:
         "computer": _computer(snapshot),
         "staff": {"called": snapshot.staff_called, "driving": snapshot.driven_by_hand},
         "navigation": {"text": snapshot.navigation[:200]},
+        "door": {"name": "" if snapshot.door is None else snapshot.door[0]},
         "missing": {"topics": list(snapshot.missing)},
     }
 
@@ -102,7 +103,7 @@ def standing_reasons(snapshot: Snapshot) -> list[str]:
         return ["BY_HAND"]
     if snapshot.ride is None:
         return ["NO_MISSION_MANAGER"]
-    reason = _stands_by_ride(snapshot.ride, snapshot.queue)
+    reason = _stands_by_ride(snapshot.ride, snapshot.queue) or _stands_at_door(snapshot)
     # It only limits the speed, but the mission manager pauses the ride for it.
     empty = snapshot.ride.state == MissionState.PAUSED and _EMPTY in snapshot.safety.faults
     return [*([_EMPTY] if empty else []), *([reason] if reason else [])]
@@ -114,6 +115,12 @@ def _stands_by_ride(ride: Ride, queue: Queue | None) -> str | None:
     if ride.state == MissionState.WAITING and not ride.waypoint:
         return "AWAITS_ROUTE"
     return _STANDS_BY_RIDE.get(ride.state)
+
+
+def _stands_at_door(snapshot: Snapshot) -> str | None:
+    if snapshot.door is None:
+        return None
+    return "DOOR_UNANSWERED" if snapshot.door[1] == DoorPhase.ASKING_STAFF else "DOOR"
 
 
 def _held(safety: Safety, limit: Limit | None) -> list[str]:

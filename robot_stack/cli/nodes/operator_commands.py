@@ -1,4 +1,4 @@
-"""An operator's commands: emergency stop, its release, and missions; each waits for the response."""
+"""An operator's commands: emergency stop, its release, doors and missions; each waits for the response."""
 
 from __future__ import annotations
 
@@ -41,6 +41,13 @@ def emergency_stop(timeout_s: float) -> float | None:
         if not operator.wait(lambda: shown, timeout_s - (time.monotonic() - begun_s)) or not delivered:
             return None
         return shown[0]
+
+
+def confirm_door(name: str, timeout_s: float) -> tuple[bool, str]:
+    """(accepted, what was done or why not). Raises TimeoutError without a navigation controller."""
+    with Operator() as operator:
+        answer = operator.call(services.CONFIRM_DOOR, timeout_s, name=name)
+    return bool(answer.success), str(answer.message)
 
 
 def reset(timeout_s: float, clear: Sequence[str] = ()) -> tuple[bool, str]:

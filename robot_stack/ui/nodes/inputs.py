@@ -9,11 +9,12 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from visualization_msgs.msg import Marker as MarkerMessage
 
-from custom_msgs.msg import EmergencyStopSource
+from custom_msgs.msg import BuildingRequest, EmergencyStopSource
 from robot_stack.contract import topics
 from robot_stack.contract.faults import split_codes
 from robot_stack.contract.model import SafetyState, System, Topic
 from robot_stack.contract.states import ACTIVE, HeldBy
+from robot_stack.core.doors import DoorWaits
 from robot_stack.core.geometry import Pose2
 from robot_stack.middleware.conversions import pose_from_msg, time_to_s
 from robot_stack.middleware.inputs import Input
@@ -78,6 +79,8 @@ class RobotInputs:
         self._quality = node.subscribe(topics.LOCALIZATION_QUALITY)
         self._speed = node.subscribe(topics.CMD_VEL_LIMITED)
         self._robot = node.subscribe(topics.ROBOT_STATUS)
+        self._doors = DoorWaits(topics.BUILDING_REQUEST.stale_limit_s)
+        node.subscribe(topics.BUILDING_REQUEST, self._on_door)
         self._at_times: dict[str, Input] = {}
 
     def request_layers(self, layers: frozenset[Layer]) -> None:
@@ -142,6 +145,7 @@ class RobotInputs:
             speed=_speed(self._speed.latest) if self._speed.fresh() else None,
             plan=_plan(self._plan.latest),
             navigation=self._navigation.latest.data if self._navigation.latest is not None else "",
+            door=self._doors.waiting(self._node.steady_s()),
             markers=_markers(self.latest(topics.ARUCO_DETECTIONS)),
             people=_people(self.latest(topics.NAVIGATION_PEOPLE), self.odom_in_map()),
             emergency_stop=self._node.emergency_stop,
@@ -153,6 +157,9 @@ class RobotInputs:
     def _missing(self) -> tuple[str, ...]:
         states = self._node.input_states()
         return tuple(row.name for row in _NEEDED if row.name in states and not states[row.name].fresh)
+
+    def _on_door(self, message: BuildingRequest) -> None:
+        self._doors.on_request(message.name, message.phase, self._node.steady_s())
 
     def _on_source(self, message: EmergencyStopSource) -> None:
         self._sources.add(message.name, message.pid, message.pressed, self._node.steady_s())

@@ -1,4 +1,6 @@
-"""Requests of a page to the safety monitor (release, clearing an absent stop source), mission manager and docking."""
+"""Requests of a page to the safety monitor (release, clearing an absent stop source), mission manager, docking and
+navigation.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +35,10 @@ class Refusals:
 NO_MONITOR, REFUSED, BUSY = "answer.no_monitor", "answer.reset_refused", "answer.reset_busy"
 NO_MISSIONS, QUEUE_REFUSED, QUEUE_BUSY = "answer.no_missions", "answer.queue_refused", "answer.queue_busy"
 NO_DOCKING, UNDOCK_FAILED, UNDOCK_BUSY = "answer.no_docking", "answer.undock_failed", "answer.undock_busy"
+NO_NAVIGATION, DOOR_REFUSED = "answer.no_navigation", "answer.door_refused"
 RESET_REFUSALS = Refusals(NO_MONITOR, REFUSED, BUSY)
 QUEUE_REFUSALS = Refusals(NO_MISSIONS, QUEUE_REFUSED, QUEUE_BUSY)
+DOOR_REFUSALS = Refusals(NO_NAVIGATION, DOOR_REFUSED, BUSY)
 
 
 class OperatorRequest:

@@ -15,7 +15,13 @@ from robot_stack.ui import protocol as p
 from robot_stack.ui.desk import named
 from robot_stack.ui.nodes.audit_file import AuditFile
 from robot_stack.ui.nodes.mission_files import MissionFiles
-from robot_stack.ui.nodes.operator_requests import QUEUE_REFUSALS, Answer, OperatorRequest, UndockRequest
+from robot_stack.ui.nodes.operator_requests import (
+    DOOR_REFUSALS,
+    QUEUE_REFUSALS,
+    Answer,
+    OperatorRequest,
+    UndockRequest,
+)
 from robot_stack.ui.nodes.outputs import Outputs
 from robot_stack.ui.nodes.pages import Pages
 from robot_stack.ui.nodes.self_test import GuidedSelfTest
@@ -46,6 +52,7 @@ class PageCommands:
         self._clear = OperatorRequest(node, reset, services.CLEAR_EMERGENCY_STOP, 1)
         self._queue = OperatorRequest(node, reset, services.EDIT_MISSION_QUEUE, 1, QUEUE_REFUSALS)
         self._undock = UndockRequest(node)
+        self._door = OperatorRequest(node, reset, services.CONFIRM_DOOR, 1, DOOR_REFUSALS)
         self._node = node
 
     def poll(self) -> None:
@@ -60,6 +67,9 @@ class PageCommands:
                 return
             case p.ClearStop():
                 self._clear.ask(self._answer_of_server(client, message), source=message.source)
+                return
+            case p.ConfirmDoor():
+                self._door.ask(self._answer_of_server(client, message), name=message.name)
                 return
             case p.AddOrder() | p.ChangeOrder() | p.Queue():
                 wanted = queue_request(message, f"screen_{uuid.uuid4().hex[:8]}", self._node.now_s())

@@ -69,7 +69,7 @@ export function drawBackground(context, canvas, view, site, picture) {
   context.drawImage(picture, px, py, site.map.width * view.scale, site.map.height * view.scale);
 }
 
-const ZONES = { keepout: "#9b1116", speed: "#0b4a63", one_way: "#1f5f2c" };
+const ZONES = { keepout: "#9b1116", speed: "#0b4a63", one_way: "#1f5f2c", door: "#5b2a86" };
 
 // Zones with their name and limit, one-way zones with an arrow, and the lanes of the route graph.
 export function drawZones(context, canvas, view, site) {

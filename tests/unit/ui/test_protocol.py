@@ -38,6 +38,7 @@ GOOD: tuple[tuple[dict[str, Any], type], ...] = (
     ({"t": "goal", "x": 1.0, "y": 2, "yaw": 0}, p.Goal),
     ({"t": "cancel_goal"}, p.CancelGoal),
     ({"t": "undock"}, p.Undock),
+    ({"t": "confirm_door", "name": "hall"}, p.ConfirmDoor),
     ({"t": "call", "on": True}, p.CallStaff),
     (
         {"t": "mission_check", "mission": {"id": "tour", "waypoints": [{"x": 1.5, "action": {"wait": 5}}]}},

@@ -34,7 +34,7 @@ FAMILIES = {
     "dock.": {"IDLE", "APPROACH", "SEARCH", "SERVOING", "FINE_ALIGN", "DOCKED", "FAILED", "UNKNOWN"},
     "reason.": {
         "NO_SAFETY", "NO_MISSION_MANAGER", "PAUSED", "WAITING", "BY_HAND", "RIDE_FAILED", "RIDE_ENDED", "STOPPED",
-        "PAUSED_BY_FLEET", "AWAITS_ROUTE",
+        "PAUSED_BY_FLEET", "AWAITS_ROUTE", "DOOR", "DOOR_UNANSWERED",
     },
     "nav.": {
         "map", "drive", "docking", "display", "faults", "self_test", "diagnostics", "missions", "history", "recordings",

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 
 from robot_stack.contract import topics
 from robot_stack.contract.faults import FAULTS
+from robot_stack.contract.states import DoorPhase
 from robot_stack.core.geometry import Pose2
 from robot_stack.ui import frames, view
 from robot_stack.ui.audit import Entry, line, read
@@ -39,6 +40,8 @@ HELD = Limit(0.0, 0.0, ("LIDAR_TIMEOUT", "BATTERY_LOW"))
         (replace(WELL, ride=replace(RIDE, state="PAUSED")), ["PAUSED"]),
         (replace(WELL, ride=replace(RIDE, state="WAITING", waypoint="bench")), ["WAITING"]),
         (replace(WELL, ride=replace(RIDE, state="WAITING", waypoint="")), ["AWAITS_ROUTE"]),
+        (replace(WELL, door=("hall", DoorPhase.WAITING)), ["DOOR"]),
+        (replace(WELL, door=("hall", DoorPhase.ASKING_STAFF)), ["DOOR_UNANSWERED"]),
         (replace(WELL, safety=EMPTY), []),
         (replace(WELL, safety=EMPTY, ride=replace(RIDE, state="PAUSED")), ["BATTERY_CRITICAL", "PAUSED"]),
         (replace(WELL, ride=replace(RIDE, state="FAILED")), ["RIDE_FAILED"]),

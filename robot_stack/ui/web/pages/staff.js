@@ -51,6 +51,12 @@ export function PinDialog({ link, state, onCancel }) {
   </section>`;
 }
 
+function Door({ link, name, say }) {
+  const confirm = async () => say(await link.ask({ t: "confirm_door", name }));
+  return html`<div class="fault WARN" data-door=${name}><p class="large">${t("door.waits", { name })}</p>
+    <button class="primary" id="door-open" onClick=${confirm}>${t("door.open", { name })}</button></div>`;
+}
+
 export function StaffPages({ link, state, say, change }) {
   const [page, setPage] = useState("map");
   useEffect(() => () => link.show([]), []);
@@ -66,6 +72,7 @@ export function StaffPages({ link, state, say, change }) {
     </nav>
     <div class="staff-page">
       ${page !== "self_test" && html`<${SelfTestDue} age=${state.self_test_age} open=${() => setPage("self_test")} />`}
+      ${state.door?.name && html`<${Door} link=${link} name=${state.door.name} say=${say} />`}
       <${Page} key=${page} link=${link} state=${state} say=${say} change=${change} />
     </div>
   </div>`;
