@@ -106,6 +106,20 @@ class Person(Config):
         return self
 
 
+class Door(Placed):
+    """An automatic sliding door: a panel like a box, closed at its place, which opens along its own x by its length.
+
+    travel_s: the time of that. delay_s: from the first request of a session until it moves.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    length_m: Positive
+    width_m: Positive
+    height_m: Positive
+    travel_s: Positive = 3.0
+    delay_s: Annotated[float, Field(ge=0.0)] = 1.0
+
+
 class Floor(Config):
     """The part of the ground that the world shows, m."""
 
@@ -172,6 +186,7 @@ class WorldFile(Config):
     patches: list[Patch] = []
     pits: list[Pit] = []
     people: list[Person] = []
+    doors: list[Door] = []
     surfaces: dict[str, Annotated[float, Field(ge=0.0, le=1.0)]] = {}
     glass: list[str] = []
     routes: dict[str, Route] = {}
@@ -189,6 +204,9 @@ class WorldFile(Config):
         persons = [person.name for person in self.people]
         if len(set(persons)) < len(persons):
             raise ValueError(f"people: names used twice among {', '.join(persons)}")
+        doors = [door.name for door in self.doors]
+        if len(set(doors)) < len(doors):
+            raise ValueError(f"doors: names used twice among {', '.join(doors)}")
         lost = sorted(set(self.chargers) - set(self.stations))
         if lost:
             raise ValueError(f"chargers: no station {', '.join(lost)}")

@@ -16,8 +16,9 @@ from sim.lidar.kernels import FIRST_SOLID
 from sim.lidar.params import LidarParams
 from sim.lidar.shapes import BOX, CYLINDER, F64, Shape, ShapeArrays, pack
 from sim.params import Wheelchair
+from sim.plant.doors import PREFIX
 from sim.plant.terrain import Solid, solids
-from sim.worldfile import Patch, Pit, WorldFile
+from sim.worldfile import Door, Patch, Pit, WorldFile
 
 WHEELCHAIR = "wheelchair"
 
@@ -55,6 +56,8 @@ def build_scene(
     fixed = fixed_shapes(world, params)
     names = tuple(people)
     carried = [chair_shapes(chair, shine.chair, passenger=passenger), *(person_shapes(shine.person) for _ in names)]
+    doors = tuple(f"{PREFIX}{door.name}" for door in world.doors)
+    carried += [[_panel(door, shine.box)] for door in world.doors]
     carried += [list(own)] if own else []
     shapes = pack(fixed, carried)
     ground = [labels.GROUND, labels.GROUND, labels.PIT, labels.MIRROR, labels.AIRBORNE]
@@ -62,7 +65,7 @@ def build_scene(
     assert len(ground) == FIRST_SOLID
     return Scene(
         shapes=shapes,
-        movers=(WHEELCHAIR, *names, *([BASE] if own else [])),
+        movers=(WHEELCHAIR, *names, *doors, *([BASE] if own else [])),
         rects=ground_rects(world, params),
         label=np.concatenate([np.array(ground, np.uint8), shapes.label]),
         reflectivity=np.concatenate([np.array(light, np.float32), shapes.reflectivity]),
@@ -88,6 +91,11 @@ def _shape(solid: Solid, params: LidarParams, surfaces: Mapping[str, float]) -> 
     x, y, z = solid.size_m
     kind, label = BOX, labels.OF_KIND[solid.kind]
     return Shape(kind, solid.centre_m, (x, y, z), label, light, solid.yaw_rad, solid.pitch_rad)
+
+
+def _panel(door: Door, reflectivity: float) -> Shape:
+    half_m = 0.5 * door.height_m
+    return Shape(BOX, (0.0, 0.0, half_m), (0.5 * door.length_m, 0.5 * door.width_m, half_m), labels.BOX, reflectivity)
 
 
 def ground_rects(world: WorldFile, params: LidarParams) -> F64:

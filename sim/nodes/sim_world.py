@@ -14,6 +14,7 @@ from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
+from custom_msgs.msg import BuildingRequest, BuildingState
 from robot_stack.contract import frames, services, topics
 from robot_stack.core.config import Config, ConfigError
 from robot_stack.core.geometry import IDENTITY, Pose2
@@ -21,6 +22,7 @@ from robot_stack.core.world_clock import slow_text
 from robot_stack.middleware.node import StackNode
 from sim.nodes.fault_service import serve_faults
 from sim.nodes.message_bytes import Numbers, Transforms
+from sim.plant.doors import DoorReport
 from sim.plant.warm_up import warm_up
 from sim.plant.world import Setup, Truth
 from sim.run.pacing import PaceReport
@@ -106,6 +108,10 @@ class SimWorld(StackNode):
         none = [0.0] * len(frames.JOINTS)
         self._odometry_bytes, self._body_bytes = Numbers(odometry), Transforms()
         self._joint_bytes = Numbers(JointState(name=list(frames.JOINTS), position=none, velocity=none, effort=none))
+        self.request_door: Callable[[str, str, bool], None] = _ignored
+        if self.setup.world.doors:
+            self._doors = self.advertise(topics.BUILDING_STATE)
+            self.subscribe(topics.BUILDING_REQUEST, self._on_request)
         self._touched = self.advertise(topics.SIM_TOUCHED)
         self._touched_text: str | None = None
         self._clock_topic = None if self.real_time else self.advertise(topics.CLOCK)
@@ -134,6 +140,15 @@ class SimWorld(StackNode):
     def publish_bodies(self, bodies: list[tuple[str, NDArray[np.float64]]], stamp: Time) -> None:
         """bodies: frame ids and poses in map, (7,) x y z m, w x y z."""
         self._bodies.publish(self._body_bytes.filled(bodies, stamp))
+
+    def publish_doors(self, reports: Iterable[DoorReport], stamp: Time) -> None:
+        for report in reports:
+            message = BuildingState(name=report.name, mode=int(report.mode), sessions=list(report.sessions))
+            message.header.stamp = stamp
+            self._doors.publish(message)
+
+    def _on_request(self, message: BuildingRequest) -> None:
+        self.request_door(message.name, message.requester, message.mode == BuildingRequest.OPEN)
 
     def publish_touched(self, names: Iterable[str]) -> None:
         """Publishes only if the names have changed."""
@@ -164,6 +179,10 @@ class SimWorld(StackNode):
         elif slow := slow_text(report.speed, self.params.speed):
             text = f"{text}, {slow}"
         self.set_health(True, text)
+
+
+def _ignored(*_: object) -> None:
+    """Replaces the building before the world runs."""
 
 
 def _not_running(*_: object) -> str:

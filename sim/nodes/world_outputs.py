@@ -39,10 +39,12 @@ class WorldOutputs:
     ) -> None:
         self._world, self._imu, self._battery = nodes
         self._sim, self._params, self._stamp = sim, params, stamp
+        self._world.request_door = sim.world.building.request
 
     def tasks(self) -> tuple[Task, ...]:
         return (
             self.every(topics.SIM_GROUND_TRUTH.nominal_rate_hz, self._publish_truth),
+            self.every(topics.BUILDING_STATE.nominal_rate_hz, self._publish_doors),
             self.every(topics.BATTERY_STATE.nominal_rate_hz, self._publish_battery),
             self.every(_SENSOR_WATCH_RATE_HZ, lambda: self._imu.watch(self._sim.time_s)),
         )
@@ -60,6 +62,9 @@ class WorldOutputs:
         stamp = self._stamp(self._sim.time_s)
         self._world.publish_truth(self._sim.world.truth(), stamp)
         self._world.publish_bodies(self._sim.world.bodies(), stamp)
+
+    def _publish_doors(self) -> None:
+        self._world.publish_doors(self._sim.world.building.reports(), self._stamp(self._sim.time_s))
 
     def _publish_battery(self) -> None:
         reading = self._sim.battery.read()

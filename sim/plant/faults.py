@@ -128,6 +128,21 @@ def _charger_dead(sim: Simulation, target: str, value: float | None) -> str:
     return "the charging contacts give no power"
 
 
+def _door_dead(sim: Simulation, target: str, value: float | None) -> str:
+    sim.world.building.dead = value is not None
+    return "the building does not answer requests for doors"
+
+
+def _door_stuck(sim: Simulation, target: str, value: float | None) -> str:
+    sim.world.building.stuck = value is not None
+    return "the doors do not open"
+
+
+def _door_closes(sim: Simulation, target: str, value: float | None) -> str:
+    sim.world.building.closes = value is not None
+    return "the doors close, whatever is requested"
+
+
 def _latch_stuck(sim: Simulation, target: str, value: float | None) -> str:
     sim.world.latch.stuck = value is not None
     return "the latch does not move"
@@ -216,6 +231,9 @@ FAULT_KINDS: tuple[FaultKind, ...] = (
     _row(_robot_moved, "displaces the robot by dx,dy,dyaw (m, degrees) in its own frame", None, lasts=False),
     _row(_process_killed, "SIGKILL to the process of a node", None, lasts=False),
     _row(_process_hang, "SIGSTOP to the process of a node; the world does not wait for it", None),
+    _row(_door_dead, "the building's interface of the doors takes no requests and reports nothing"),
+    _row(_door_stuck, "the doors do not open"),
+    _row(_door_closes, "the doors close, whatever is requested"),
     _row(_charger_dead, "the charging contacts of the stations give no power"),
     _row(_charger, "no fault: a charger is plugged", ONLY, ("power, W", 0.0, 5e3, 500.0)),
     _row(_wheelchair, "no fault: the wheelchair hangs on the latch at once", ONLY, ("passenger, kg", 0.0, 1e3, 0.0)),

@@ -13,6 +13,7 @@ from robot_stack.contract.frames import MODULES
 from robot_stack.core.robot import Robot
 from sim.params import SimParams
 from sim.plant.chair_model import add_latch, add_wheelchair
+from sim.plant.doors import PREFIX
 from sim.plant.mjcf import (
     NO_BITS,
     PAINT_GROUP,
@@ -27,7 +28,7 @@ from sim.plant.mjcf import (
 from sim.plant.people import HEIGHT_M, RADIUS_M
 from sim.plant.robot_model import Tolerances, add_robot
 from sim.plant.terrain import Solid, solids
-from sim.worldfile import WorldFile
+from sim.worldfile import Door, WorldFile
 
 _COLORS = {
     "kerb": "0.62 0.60 0.56 1",
@@ -63,6 +64,8 @@ def write_mjcf(
         add_latch(root)
     for name in people:
         _person(body, name)
+    for door in world.doors:
+        _door(body, door)
     _actuators(root)
     _sensors(root)
     ElementTree.indent(root)
@@ -132,6 +135,14 @@ def _person(body: Element, name: str) -> None:
     size = (RADIUS_M, half)
     place = vector((0.0, 0.0, half))
     add_geom(frame, name, "cylinder", size, WORLD_BITS, PERSON_GROUP, pos=place, rgba="0.75 0.45 0.25 1")
+
+
+def _door(body: Element, door: Door) -> None:
+    """A kinematic body as a person's."""
+    name, half = f"{PREFIX}{door.name}", 0.5 * door.height_m
+    frame = SubElement(body, "body", name=name, mocap="true")
+    size = (0.5 * door.length_m, 0.5 * door.width_m, half)
+    add_geom(frame, name, "box", size, WORLD_BITS, WORLD_GROUP, pos=vector((0.0, 0.0, half)), rgba=_COLORS["box"])
 
 
 def _actuators(root: Element) -> None:

@@ -20,11 +20,12 @@ from robot_stack.core.geometry import Pose2, quaternion_from_yaw, wrap_angle, ya
 from robot_stack.core.robot import Robot
 from sim.params import SimParams
 from sim.plant.contacts import CHAIR, ROBOT, Contacts, parts
+from sim.plant.doors import Building
 from sim.plant.drives import JointIndex, ServoDrives
 from sim.plant.edge import Edge
 from sim.plant.latch import Latch
 from sim.plant.model import write_mjcf
-from sim.plant.people import Walker, walkers
+from sim.plant.people import walkers
 from sim.plant.robot_model import Tolerances, torsional_friction_m
 from sim.plant.setup import Setup as Setup
 from sim.plant.surface import Surface
@@ -82,6 +83,7 @@ class World:
         self.tolerances = draw_tolerances(robot, params, np.random.default_rng(machine))
         wheelchair = setup.has_wheelchair()
         self.people = walkers(setup.world.people if setup.people else ())
+        self.building = Building(setup.world.doors)
         names = [walker.name for walker in self.people]
         self.mjcf = write_mjcf(robot, params, setup.world, self.tolerances, wheelchair, names)
         self.model = mujoco.MjModel.from_xml_string(self.mjcf)
@@ -102,6 +104,7 @@ class World:
         self._part = parts(self.model)
         self._contacts = Contacts(self.model, setup.world, [self.model.body(f"{name}_wheel").id for name in MODULES])
         self._mocap = [int(self.model.body(name).mocapid[0]) for name in names]
+        self._door_mocap = [int(self.model.body(door.name).mocapid[0]) for door in self.building.doors]
         self._stations = [(name, on_ground(place.pose())) for name, place in setup.world.stations.items()]
         self.chair = Chair(robot, params, self.model, self.data, setup.passenger_mass_kg) if wheelchair else None
         edge = robot.safety_edge
@@ -143,10 +146,15 @@ class World:
         footprint = self.robot.footprint_with_chair if self.attached else self.robot.footprint
         for walker, mocap in zip(self.people, self._mocap, strict=True):
             walker.step(dt_s, machine, footprint)
-            self._put_person(walker, mocap)
+            self._put(walker.pose(), mocap)
+        self.building.step(self.time_s, dt_s)
+        self._put_doors()
 
-    def _put_person(self, walker: Walker, mocap: int) -> None:
-        pose = walker.pose()
+    def _put_doors(self) -> None:
+        for door, mocap in zip(self.building.doors, self._door_mocap, strict=True):
+            self._put(door.pose(), mocap)
+
+    def _put(self, pose: Pose2, mocap: int) -> None:
         x, y, z, w = quaternion_from_yaw(pose.yaw)
         self._mocap_pos[mocap] = pose.x, pose.y, 0.0
         self._mocap_quat[mocap] = w, x, y, z
@@ -311,7 +319,8 @@ class World:
         if self.chair is not None and self.chair.in_sight:
             found.append((WHEELCHAIR, self.chair.pose()))
         people = [(walker.name, on_ground(walker.pose())) for walker in self.people]
-        return found + self._stations + people
+        doors = [(door.name, on_ground(door.pose())) for door in self.building.doors]
+        return found + self._stations + people + doors
 
     # --- start ----------------------------------------------------------------------------------------------------
 
@@ -324,7 +333,8 @@ class World:
         if setup.attached_at_start:
             self.latch.force(closed=True)
         for walker, mocap in zip(self.people, self._mocap, strict=True):
-            self._put_person(walker, mocap)
+            self._put(walker.pose(), mocap)
+        self._put_doors()
         mujoco.mj_forward(self.model, self.data)
 
 

@@ -11,6 +11,7 @@ from tests.simulated.stage import staged
 _MEASURED_S = 4.0
 # Published only during an activity, or by a page.
 ON_DEMAND = {"/docking/cmd_vel", "/teleop/cmd_vel", "/docking/target", "/ui/heartbeat", "/departure_warning"}
+ON_DEMAND |= {"/building/request", "/building/state"}
 # By processes that are not in the profile.
 ON_DEMAND |= {row.name for row in (*topics.REMOTE_COPIES, topics.VENDOR_IMU, topics.VENDOR_BATTERY_STATE)}
 

@@ -8,14 +8,16 @@ from pathlib import Path
 
 import pytest
 
+from robot_stack.contract.states import DoorMode
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback
 from sim.plant import drive_loops as loops
+from sim.plant.doors import SESSION_S
 from sim.plant.faults import BY_NAME, FAULT_KINDS, FaultRefused, Faults
 from sim.plant.simulation import Simulation
 from sim.plant.world import Setup
-from sim.worldfile import load_world
+from sim.worldfile import Door, load_world
 
 from .bench import DRIVE_RAD_PER_COUNT, PARAMS, ROBOT
 
@@ -23,8 +25,8 @@ from .bench import DRIVE_RAD_PER_COUNT, PARAMS, ROBOT
 class Rig:
     """A simulation with faults and a bus master that only listens."""
 
-    def __init__(self, wheelchair_pose: Pose2 | None = None) -> None:
-        file = load_world("flat")
+    def __init__(self, wheelchair_pose: Pose2 | None = None, doors: list[Door] | None = None) -> None:
+        file = load_world("flat").model_copy(update={"doors": doors or []})
         setup = Setup(file, 1, file.start.pose(), wheelchair=True, wheelchair_pose=wheelchair_pose)
         self.sim = Simulation(ROBOT, PARAMS, setup)
         self.faults = Faults(self.sim)
@@ -354,6 +356,51 @@ def test_clear_removes_one_target_or_all_and_reports_them(rig: Rig) -> None:
     assert {item.kind for item in rig.faults.active} == {"encoder_freeze", "bus_loss"}
     assert rig.faults.inject("clear") == "cleared encoder_freeze:fl_drive, bus_loss"
     assert rig.faults.inject("clear") == "nothing to clear"
+
+
+@pytest.fixture
+def building() -> Rig:
+    """A sliding door far from the robot, which opens along y within 0.2 s."""
+    panel = {"length_m": 1.6, "width_m": 0.1, "height_m": 2.0, "travel_s": 0.2, "delay_s": 0.1}
+    return Rig(doors=[Door(name="hall", x_m=9.0, y_m=2.0, yaw_deg=90.0, **panel)])
+
+
+def panel(rig: Rig) -> tuple[float, float, float]:
+    """Where its body is in the physics, m."""
+    x, y, z = rig.sim.world.data.body("door_hall").xpos
+    return float(x), float(y), float(z)
+
+
+def asked(rig: Rig, wants_open: bool = True) -> list[tuple[DoorMode, tuple[str, ...]]]:
+    """The reports on the door after a request and the time that it needs."""
+    rig.sim.world.building.request("hall", "robot", wants_open)
+    rig.run(0.5)
+    return [(report.mode, report.sessions) for report in rig.sim.world.building.reports()]
+
+
+def test_a_door_opens_for_its_sessions_and_closes_after_the_last(building: Rig) -> None:
+    building.run(0.02)
+    assert panel(building) == pytest.approx((9.0, 2.0, 0.0))
+    assert asked(building) == [(DoorMode.OPEN, ("robot",))]
+    assert panel(building) == pytest.approx((9.0, 3.6, 0.0))
+    assert asked(building, wants_open=False) == [(DoorMode.CLOSED, ())]
+    assert asked(building) == [(DoorMode.OPEN, ("robot",))]
+    building.run(SESSION_S)
+    assert building.sim.world.building.reports()[0].mode == DoorMode.CLOSED, "a session without requests has ended"
+
+
+def test_doors_that_are_stuck_closed_or_dead(building: Rig) -> None:
+    building.faults.inject("door_stuck")
+    assert asked(building) == [(DoorMode.CLOSED, ("robot",))]
+    building.faults.inject("clear")
+    assert asked(building) == [(DoorMode.OPEN, ("robot",))]
+    building.faults.inject("door_closes")
+    assert asked(building) == [(DoorMode.CLOSED, ("robot",))]
+    building.faults.inject("clear")
+    building.faults.inject("door_dead")
+    building.run(SESSION_S + 0.5)
+    assert asked(building) == []
+    assert panel(building) == pytest.approx((9.0, 2.0, 0.0)), "requests that it does not take open nothing"
 
 
 def test_every_fault_of_the_table_is_tested_here() -> None:

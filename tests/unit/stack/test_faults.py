@@ -59,7 +59,8 @@ def test_every_chance_is_a_fault_that_can_be_raised() -> None:
     assert drawn == {chance.kind for chance in CHANCES}
     assert {"lidar.rain", "overhead_lidar.silent", "camera.glare", "display.cable", "computer.overheat"} <= set(known)
     # The other faults of the world are what people do.
-    assert set(BY_NAME) - drawn == {"chair_moved", "robot_moved", "charger", "charger_dead", "wheelchair"}
+    doors = {"door_dead", "door_stuck", "door_closes"}
+    assert set(BY_NAME) - drawn == {"chair_moved", "robot_moved", "charger", "charger_dead", "wheelchair", *doors}
     assert set(BY_NAME) <= set(known)
     targets = {target for chance in CHANCES if chance.kind.startswith("edge_") for target in chance.targets}
     assert targets == {"front", "rear", "left", "right", "relay"}
