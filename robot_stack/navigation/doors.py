@@ -213,10 +213,11 @@ class Doors:
         if door.permits(now_s):
             passage.waiting_since_s = math.nan
             return DoorPhase.PASSING if passage.inside else DoorPhase.APPROACHING
-        if ahead is not None and met is not None and not passage.waits:
+        if ahead is not None and met is not None:
             first = int(np.argmax(met)) if met.any() else 0
             left_m = float(np.hypot(*np.diff(ahead[: first + 1, :2], axis=0).T).sum())
-            if not stands or left_m > self._params.stop_m + _NEAR_M:
+            if left_m > self._params.stop_m + _NEAR_M or not (stands or passage.waits):
+                passage.waiting_since_s = math.nan
                 return DoorPhase.APPROACHING
         elif not passage.waits:
             return passage.phase

@@ -151,6 +151,14 @@ def test_staff_are_asked_when_no_answer_comes_and_their_answer_counts_once() -> 
     assert approach.closed(), "for one passage only"
 
 
+def test_a_robot_that_is_moved_away_from_the_door_does_not_wait_for_it() -> None:
+    approach = Approach()
+    approach.run(1.0, Pose2(7.0 - ROBOT.footprint.front_m - STOP_M, 5.0, 0.0), stands=True)
+    assert approach.doors.text == "waiting for door hall"
+    approach.run(0.1, BEFORE, stands=True)
+    assert approach.doors.text == ""
+
+
 def test_a_report_that_the_door_is_shut_ends_the_answer_of_staff() -> None:
     approach = Approach()
     here = Pose2(7.0 - ROBOT.footprint.front_m - STOP_M, 5.0, 0.0)
