@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from custom_msgs.msg import UICommand
-from robot_stack.contract import topics
+from custom_msgs.srv import ConfirmDoor
+from robot_stack.contract import services, topics
 from robot_stack.ui.pin import hash_pin
 from tests.simulated.bench import COMPUTE_S, LATENCY_S, Bench
 from tests.support.fake_safety import FakeSafety
@@ -103,6 +104,21 @@ def test_the_stop_reaches_everyone_at_once_and_only_a_request_takes_it_back(scre
     assert rider.ask("reset")["ok"]
     assert not safety.active
     assert [message.data for message in screen.stops.messages] == [True, False, False]
+
+
+def test_staff_confirm_a_door(screen: Screen) -> None:
+    def confirm(request: ConfirmDoor.Request, response: ConfirmDoor.Response) -> ConfirmDoor.Response:
+        response.success, response.message = request.name == "hall", f"door {request.name}"
+        return response
+
+    screen.bench.serve(services.CONFIRM_DOOR, confirm)
+    screen.bench.run(0.3)
+    page = screen.page()
+    assert page.ask("confirm_door", name="hall")["why"] == "answer.needs_staff"
+    page.log_in()
+    assert page.ask("confirm_door", name="hall")["ok"]
+    refused = page.ask("confirm_door", name="lobby")
+    assert (refused["ok"], refused["why"], refused["detail"]) == (False, "answer.door_refused", "door lobby")
 
 
 def test_the_pad_drives_while_it_is_held(screen: Screen) -> None:
