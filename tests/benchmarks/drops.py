@@ -51,13 +51,13 @@ def _conditions(fell: Sequence[Outcome], driven: Sequence[Outcome], first: int) 
         "over_the_edge": "runs in which a wheel or castor was over an edge, by ground truth",
         "false_stops": "paths on which the limit became 0, or whose end was not reached",
         "robot": "kinematic on four wheels, the chair on its castors; with the chair it has come from 3 m behind",
-        "over_cases": [_told(outcome) for outcome in fell if outcome.over],
-        "false_stop_cases": [_told(outcome) for outcome in driven if not outcome.passed],
+        "over_cases": [_reported(outcome) for outcome in fell if outcome.over],
+        "false_stop_cases": [_reported(outcome) for outcome in driven if not outcome.passed],
         "peer": "none",
     }
 
 
-def _told(outcome: Outcome) -> str:
+def _reported(outcome: Outcome) -> str:
     case = outcome.case
     return (
         f"seed {case.seed}: {case.what}{' with chair' if case.chair else ''}: {outcome.at_mps:.2f} m/s after "

@@ -240,7 +240,7 @@ class _Ride:
 
 def _reported(outcomes: Iterable[Outcome], runs: int) -> Iterator[Outcome]:
     for number, outcome in enumerate(outcomes, 1):
-        print(f"{number}/{runs} {_told(outcome)}", file=sys.stderr, flush=True)
+        print(f"{number}/{runs} {_shown(outcome)}", file=sys.stderr, flush=True)
         yield outcome
 
 
@@ -266,12 +266,12 @@ def _conditions(outcomes: Sequence[Outcome], first: int) -> dict[str, object]:
         "success_pct": "COMPLETED, or PAUSED with a critical battery; without contact and with every order kept",
         "stranded_passengers": "aboard after a mission that has ended",
         "time_s_median": "of the missions COMPLETED, simulated, with the way home",
-        "failed": [_told(outcome) for outcome in outcomes if not outcome.success],
+        "failed": [_shown(outcome) for outcome in outcomes if not outcome.success],
         "peer": "none",
     }
 
 
-def _told(outcome: Outcome) -> str:
+def _shown(outcome: Outcome) -> str:
     aboard = ", passenger aboard" if outcome.aboard else ""
     head = f"seed {outcome.case.seed}: {'success' if outcome.success else 'FAILED'}, {outcome.state}{aboard}"
     more = [outcome.reason, *outcome.touched, *outcome.problems, *(["order lost"] if outcome.order_lost else [])]

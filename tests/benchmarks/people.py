@@ -100,7 +100,7 @@ def _conditions(played: Sequence[Outcome], ridden: Sequence[Ride], first: int) -
         "rides": f"{len(ridden)}, every second one with wheelchair and passenger, between walls, kerbs and posts, 6 "
         f"people walking past, all {PASSING_M} m and more aside",
         "touched_of": _counts(touched),
-        "touched_cases": [_told(outcome) for outcome in touched],
+        "touched_cases": [_reported(outcome) for outcome in touched],
         "false_stops": [stop for one in ridden for stop in one.stops],
         "justified_stops": sum(one.justified for one in ridden),
         "peer": "none",
@@ -117,7 +117,7 @@ def _counts(touched: Sequence[Outcome]) -> dict[str, int]:
     )
 
 
-def _told(outcome: Outcome) -> str:
+def _reported(outcome: Outcome) -> str:
     case, touch = outcome.case, outcome.touch
     assert touch is not None
     requested, how = case.requested, "through" if case.walker.through else "to"

@@ -37,8 +37,8 @@ def run(friction: float = 0.02, seconds: float = 40.0, speed_mps: float = 1.2, s
         "error_max_m": ice.error_max_m,
         "error_rms_m": ice.error_rms_m,
         "stops": float(ice.stops),
-        "told_pct": 100.0 * ice.told / len(ice.fixes),
-        "false_alarms": float(rides["dry"].told),
+        "told_pct": 100.0 * ice.shown / len(ice.fixes),
+        "false_alarms": float(rides["dry"].shown),
         "dry_error_max_m": rides["dry"].error_max_m,
         "without_error_max_m": without.error_max_m,
         "without_error_rms_m": without.error_rms_m,
@@ -99,7 +99,7 @@ class _Ride:
             self.fixes = stack.fixes[begin:]
 
     @property
-    def told(self) -> int:
+    def shown(self) -> int:
         return sum(fix.slips for fix in self.fixes)
 
     @property

@@ -13,7 +13,7 @@ from custom_msgs.srv import InjectFault
 from robot_stack.contract import services, topics
 from robot_stack.core.camera import camera_file, load_intrinsics
 from robot_stack.middleware.conversions import time_to_s
-from tests.support.peer import Heard, Peer
+from tests.support.peer import Peer, Received
 from tests.support.processes import Start
 from tests.support.waiting import wait_for
 from tf2_msgs.msg import TFMessage
@@ -52,16 +52,16 @@ def ids(message: object) -> set[int]:
 
 
 @pytest.fixture
-def front(start: Start, peer: Peer) -> Heard:
+def front(start: Start, peer: Peer) -> Received:
     process = start("camera_driver", "-p", "world:=flat")
-    heard = peer.listen(topics.FRONT_IMAGE)
+    received = peer.listen(topics.FRONT_IMAGE)
     peer.repeat(topics.SIM_BODIES, lambda: bodies(peer), 50.0)
-    wait_for(lambda: heard.items or not process.running(), "a picture", deadline_s=60.0)  # the first run compiles
+    wait_for(lambda: received.items or not process.running(), "a picture", deadline_s=60.0)  # the first run compiles
     assert process.running(), process.output()
-    return heard
+    return received
 
 
-def test_pictures_show_the_boards_with_calibration_and_mounting(front: Heard, peer: Peer) -> None:
+def test_pictures_show_the_boards_with_calibration_and_mounting(front: Received, peer: Peer) -> None:
     rear, info, mountings = (
         peer.listen(row) for row in (topics.REAR_IMAGE, topics.FRONT_CAMERA_INFO, topics.TF_STATIC)
     )
@@ -87,7 +87,7 @@ def test_pictures_show_the_boards_with_calibration_and_mounting(front: Heard, pe
     assert (turn.x, turn.y, turn.z, turn.w) == pytest.approx((-0.5, 0.5, -0.5, 0.5))
 
 
-def test_faults_change_the_pictures_and_are_answered(front: Heard, peer: Peer) -> None:
+def test_faults_change_the_pictures_and_are_answered(front: Received, peer: Peer) -> None:
     assert inject(peer, "cover", "2").success
     front.wait(lambda message: ids(message) == {0, 1, 3}, "marker 2 covered")
     assert inject(peer, "clear", "cover").message == "cleared cover:2"

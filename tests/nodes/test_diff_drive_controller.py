@@ -23,7 +23,7 @@ from robot_stack.wmx.config import ENGINE_CONFIG_VARIABLE
 from robot_stack.wmx.simulated.channel import StatusView
 from tests.support.braking import braking_s
 from tests.support.engine import TestEngine
-from tests.support.peer import Heard, Peer
+from tests.support.peer import Peer, Received
 from tests.support.processes import NodeProcess, Start
 from tests.support.waiting import wait_for
 
@@ -52,9 +52,9 @@ class Rig:
 
     def __init__(self, start: Start, peer: Peer, folder: Path) -> None:
         self.start, self.peer = start, peer
-        self.echo: Heard = peer.listen(topics.WMX_CMD_VEL_CHECK)
-        self.speeds: Heard = peer.listen(topics.WMX_WHEEL_VELOCITIES)
-        self.odometry: Heard = peer.listen(topics.WMX_ODOM_ENC)
+        self.echo: Received = peer.listen(topics.WMX_CMD_VEL_CHECK)
+        self.speeds: Received = peer.listen(topics.WMX_WHEEL_VELOCITIES)
+        self.odometry: Received = peer.listen(topics.WMX_ODOM_ENC)
         self.engine = TestEngine(start, folder)  # its device lets the engine outlive the node
         self.node: NodeProcess | None = None
         self._view = StatusView(runtime_dir(), 5.0)
@@ -119,7 +119,7 @@ class Rig:
             self.pass_s(1.0)
             return bool((abs(self._view.read()[1].velocity_cmd - radps) < 1e-6).all())
 
-        wait_for(turning, f"wheels told to turn at {radps:.2f} rad/s")
+        wait_for(turning, f"wheels commanded to turn at {radps:.2f} rad/s")
         self.wait_wheels(radps, radps)
 
     def pass_s(self, seconds: float) -> None:

@@ -44,10 +44,10 @@ def test_timer_publisher_and_late_subscription(ros: tuple[Node, LeanExecutor]) -
     publisher = node.create_publisher(Float64, "number", 1)
     node.create_timer(0.01, lambda: publisher.publish(Float64(data=1.0)))
     executor.spin_once(0.0)
-    heard: list[float] = []
-    node.create_subscription(Float64, "number", lambda message: heard.append(message.data), 1)
-    _spin_until(executor, lambda: len(heard) >= 3)
-    assert heard[0] == 1.0
+    received: list[float] = []
+    node.create_subscription(Float64, "number", lambda message: received.append(message.data), 1)
+    _spin_until(executor, lambda: len(received) >= 3)
+    assert received[0] == 1.0
 
 
 def test_flood_of_one_topic_leaves_turns_to_timers(ros: tuple[Node, LeanExecutor]) -> None:
@@ -74,14 +74,14 @@ def test_destroyed_subscription_is_silent_and_harmless(ros: tuple[Node, LeanExec
     node, executor = ros
     publisher = node.create_publisher(Float64, "number", 1)
     node.create_timer(0.005, lambda: publisher.publish(Float64(data=1.0)))
-    heard: list[float] = []
-    subscription = node.create_subscription(Float64, "number", lambda message: heard.append(message.data), 1)
-    _spin_until(executor, lambda: heard)
+    received: list[float] = []
+    subscription = node.create_subscription(Float64, "number", lambda message: received.append(message.data), 1)
+    _spin_until(executor, lambda: received)
     node.destroy_subscription(subscription)
-    count = len(heard)
+    count = len(received)
     for _ in range(20):
         executor.spin_once(0.01)
-    assert len(heard) == count
+    assert len(received) == count
 
 
 def test_service_and_client_in_one_executor(ros: tuple[Node, LeanExecutor]) -> None:

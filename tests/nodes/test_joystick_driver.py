@@ -14,7 +14,7 @@ from std_msgs.msg import Bool
 from robot_stack.contract import topics
 from tests.support.devices.joystick import Joystick, axis, button
 from tests.support.fake_safety import FakeSafety
-from tests.support.peer import Heard, Peer, says
+from tests.support.peer import Peer, Received, says
 from tests.support.processes import Start
 from tests.support.waiting import wait_for
 
@@ -65,11 +65,11 @@ def hand(joystick: Joystick) -> Iterator[Hand]:
     hand.close()
 
 
-def drives(commands: Heard) -> TwistStamped:
+def drives(commands: Received) -> TwistStamped:
     return commands.wait(lambda message: message.twist.linear.x > 0.55, "a command to drive")
 
 
-def comes_to_rest(commands: Heard, diagnostics: Heard, text: str) -> None:
+def comes_to_rest(commands: Received, diagnostics: Received, text: str) -> None:
     """Checks that zero is commanded and nothing else follows until the next report."""
     commands.wait(lambda message: message.twist.linear.x == 0.0, "zero")
     count = len(commands.items)

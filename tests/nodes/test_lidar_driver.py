@@ -13,7 +13,7 @@ from robot_stack.contract import services, topics
 from robot_stack.core.point_cloud import SWEEP, xyz_of
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.middleware.point_cloud import points_of
-from tests.support.peer import Heard, Peer
+from tests.support.peer import Peer, Received
 from tests.support.processes import Start
 from tests.support.waiting import wait_for
 from tf2_msgs.msg import TFMessage
@@ -50,21 +50,21 @@ def ranges(message: object) -> np.ndarray:
     return np.linalg.norm(xyz_of(points_of(message, SWEEP)), axis=1)
 
 
-def stamps(heard: Heard) -> np.ndarray:
-    return np.array([time_to_s(message.header.stamp) for message in heard.messages])
+def stamps(received: Received) -> np.ndarray:
+    return np.array([time_to_s(message.header.stamp) for message in received.messages])
 
 
 @pytest.fixture
-def sweeps(start: Start, peer: Peer) -> Heard:
+def sweeps(start: Start, peer: Peer) -> Received:
     process = start("lidar_driver", "-p", f"columns:={COLUMNS}", "-p", "world:=yard")
-    heard = peer.listen(topics.LIDAR_POINTS)
+    received = peer.listen(topics.LIDAR_POINTS)
     peer.repeat(topics.SIM_BODIES, Clock(peer).bodies, 50.0)
-    wait_for(lambda: heard.items or not process.running(), "a sweep", deadline_s=90.0)  # the first run compiles
+    wait_for(lambda: received.items or not process.running(), "a sweep", deadline_s=90.0)  # the first run compiles
     assert process.running(), process.output()
-    return heard
+    return received
 
 
-def test_half_sweeps_make_full_sweeps_with_every_field(sweeps: Heard, peer: Peer) -> None:
+def test_half_sweeps_make_full_sweeps_with_every_field(sweeps: Received, peer: Peer) -> None:
     halves, mountings = peer.listen(topics.LIDAR_HALF_SWEEP), peer.listen(topics.TF_STATIC)
     wait_for(lambda: len(sweeps.items) >= 6 and len(halves.items) >= 12 and mountings.items, "sweeps")
     message = sweeps.last
@@ -81,8 +81,8 @@ def test_half_sweeps_make_full_sweeps_with_every_field(sweeps: Heard, peer: Peer
     # A person stands 3 m before the robot, 2.8 m before the sensor.
     ahead = (abs(points["y"]) < 0.2) & (abs(points["x"] - 2.6) < 0.15) & (points["z"] > 0.2)
     assert ahead.sum() > 5
-    for heard, period_s in ((halves, 0.05), (sweeps, 0.1)):
-        steps = np.diff(stamps(heard)) / period_s
+    for received, period_s in ((halves, 0.05), (sweeps, 0.1)):
+        steps = np.diff(stamps(received)) / period_s
         # Whole periods: the topics are best effort, so a busy machine may lose messages.
         assert np.allclose(steps, np.round(steps), atol=2e-3)
         assert np.median(steps) == pytest.approx(1.0, abs=2e-3)
@@ -92,7 +92,7 @@ def test_half_sweeps_make_full_sweeps_with_every_field(sweeps: Heard, peer: Peer
     assert (place.transform.translation.x, place.transform.translation.z) == pytest.approx((0.20, 0.70))
 
 
-def test_faults_change_the_points_and_are_answered(sweeps: Heard, peer: Peer) -> None:
+def test_faults_change_the_points_and_are_answered(sweeps: Received, peer: Peer) -> None:
     assert inject(peer, "covered").success
     sweeps.wait(lambda message: len(ranges(message)) == 0 or ranges(message).max() < 0.5, "a covered lens")
     assert inject(peer, "clear").message == "cleared covered"

@@ -23,7 +23,7 @@ from tests.support.processes import Start
 from tests.support.waiting import wait_for
 
 if TYPE_CHECKING:
-    from tests.support.peer import Heard, Peer
+    from tests.support.peer import Peer, Received
 
 NAME = "manipulator_state"
 NAMES = ["joint1", "joint2", "joint3", "joint4", "joint5", "joint6", "picker_1_joint", "picker_2_joint"]
@@ -47,7 +47,7 @@ class Manipulator:
     """The node and its published messages."""
 
     def __init__(self, start: Start, peer: Peer, *ros_args: str) -> None:
-        self.joints: Heard = peer.listen(topics.WMX_JOINT_STATES)
+        self.joints: Received = peer.listen(topics.WMX_JOINT_STATES)
         self._beats = peer.listen(topics.HEARTBEAT)
         self.process = start(NAME, *QUICK, *ros_args)
 

@@ -117,8 +117,8 @@ def test_taught_map_equals_map_built_from_recording(teaching, messages, tmp_path
 
     taught = load_map(str(teaching.maps / "room"))
     # The recording contains exactly the sweeps that count.
-    told = re.search(r"^the ride ends: [\d.]+ m, (\d+) sweeps", said, re.MULTILINE)
-    assert taught.about["ride"]["sweeps"] == int(told[1]) == teaching.sweeps()
+    shown = re.search(r"^the ride ends: [\d.]+ m, (\d+) sweeps", said, re.MULTILINE)
+    assert taught.about["ride"]["sweeps"] == int(shown[1]) == teaching.sweeps()
     origin = map(str, (site.START.x, site.START.y, site.START.yaw))
     again = cli(
         "map", "build", str(teaching.recording), "--name", "room", "--output", str(tmp_path), "--origin", *origin
@@ -159,15 +159,15 @@ def test_invalid_map_teach_arguments_are_reported(ros_domain, own_config, tmp_pa
 
 
 def test_no_stack(ros_domain, own_config, tmp_path):
-    told = refusal("--name", "room", "--output", str(tmp_path))
-    assert f"no stack is running in ROS domain {ros_domain}" in told
+    shown = refusal("--name", "room", "--output", str(tmp_path))
+    assert f"no stack is running in ROS domain {ros_domain}" in shown
     assert not (tmp_path / "room").exists()
 
 
 def test_a_full_disk(ros_domain, own_config, tmp_path):
     change(own_config / "recorder.yaml", {"max_disk_use": 0.001})
-    told = refusal("--name", "room", "--output", str(tmp_path), "--recording", str(tmp_path / "ride"))
-    assert "full, limit max_disk_use" in told
+    shown = refusal("--name", "room", "--output", str(tmp_path), "--recording", str(tmp_path / "ride"))
+    assert "full, limit max_disk_use" in shown
 
 
 def test_no_points(own_config, peer, tmp_path):
@@ -175,8 +175,8 @@ def test_no_points(own_config, peer, tmp_path):
         own_config / "mapping.yaml", {"teach": {**read(own_config / "mapping.yaml")["teach"], "points_within_s": 2.0}}
     )
     peer.repeat(topics.ODOM, Odometry, 20.0)
-    told = refusal("--name", "room", "--output", str(tmp_path), "--recording", str(tmp_path / "ride"))
-    assert "no message on /sensors/lidar/points" in told
+    shown = refusal("--name", "room", "--output", str(tmp_path), "--recording", str(tmp_path / "ride"))
+    assert "no message on /sensors/lidar/points" in shown
     assert not (tmp_path / "ride").exists()
 
 

@@ -85,7 +85,7 @@ def another_host() -> Iterator[str]:
         pytest.skip(f"no network namespaces here: {error}")
 
 
-def _heard_by(host: str) -> str:
+def _discovered_by(host: str) -> str:
     """Number of subscribers to /emergency_stop and to /cmd_vel found from the host, and 1 if the reset was found."""
     return _in_namespace(host, sys.executable, str(SCRIPTS / "stranger.py"), _ROBOT, str(_FOR_S))
 
@@ -101,9 +101,9 @@ def test_a_stranger_on_the_network_reaches_nothing(another_host: str, start: Sta
     for name in ("safety_monitor", "swerve_controller"):
         start(name)
         _wait_known(peer, name)
-    heard = peer.listen(topics.EMERGENCY_STOP)
-    assert _heard_by(another_host) == "heard by 0 0 0"
-    assert not heard.items
+    received = peer.listen(topics.EMERGENCY_STOP)
+    assert _discovered_by(another_host) == "discovered by 0 0 0"
+    assert not received.items
 
 
 def test_a_robot_that_chose_the_network_is_reached(
@@ -114,7 +114,7 @@ def test_a_robot_that_chose_the_network_is_reached(
     monkeypatch.delenv(transport.PROFILE)
     start("safety_monitor")
     _wait_known(peer, "safety_monitor")
-    assert _heard_by(another_host) == "heard by 1 1 1"
+    assert _discovered_by(another_host) == "discovered by 1 1 1"
 
 
 @pytest.fixture
@@ -146,7 +146,7 @@ def _as_user(network: str, uid: str, *words: str) -> str:
     return _in_namespace(network, *user, *rights, sys.executable, *words)
 
 
-def _heard_by_user(network: str, uid: str, for_s: float) -> str:
+def _discovered_by_user(network: str, uid: str, for_s: float) -> str:
     return _as_user(network, uid, str(SCRIPTS / "stranger.py"), "127.0.0.1", str(for_s))
 
 
@@ -154,8 +154,8 @@ def test_another_user_of_this_machine_reaches_nothing(own_network: str) -> None:
     words = ["ip", "netns", "exec", own_network, *node_command("safety_monitor")]
     with subprocess.Popen(words, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as monitor:
         try:
-            assert _heard_by_user(own_network, _ROBOT_UID, 60.0) == "heard by 1 1 1"
-            assert _heard_by_user(own_network, _OTHER_UID, _FOR_S) == "heard by 0 0 0"
+            assert _discovered_by_user(own_network, _ROBOT_UID, 60.0) == "discovered by 1 1 1"
+            assert _discovered_by_user(own_network, _OTHER_UID, _FOR_S) == "discovered by 0 0 0"
         finally:
             monitor.terminate()
 

@@ -50,31 +50,31 @@ def test_heartbeat_diagnostics_and_qos_of_the_rows(start: Start, peer: Peer) -> 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_signal_publishes_safe_output_before_exit(start: Start, peer: Peer, number: signal.Signals) -> None:
-    heard = peer.listen(topics.CMD_VEL)
+    received = peer.listen(topics.CMD_VEL)
     process = example(start)
-    heard.wait(lambda message: message.linear.x == 1.0, "driving commands")
+    received.wait(lambda message: message.linear.x == 1.0, "driving commands")
     process.signal(number)
     assert process.wait() == 0
-    heard.wait(lambda message: message.linear.x == 0.0, "the safe output")
+    received.wait(lambda message: message.linear.x == 0.0, "the safe output")
 
 
 def test_exception_publishes_safe_output_and_prints_error(start: Start, peer: Peer) -> None:
-    heard = peer.listen(topics.CMD_VEL)
+    received = peer.listen(topics.CMD_VEL)
     process = example(start, "--crash-after", "20")
     assert process.wait() == 1
     assert "ZeroDivisionError" in process.output()
-    assert heard.last.linear.x == 0.0
+    assert received.last.linear.x == 0.0
 
 
 def test_a_process_that_was_held_up_says_so_and_blames_nobody(start: Start, peer: Peer) -> None:
-    heard = peer.listen(topics.DIAGNOSTICS)
+    received = peer.listen(topics.DIAGNOSTICS)
     process = example(start)
-    heard.wait(lambda message: message.status[0].level == b"\x00", "an OK diagnosis")
+    received.wait(lambda message: message.status[0].level == b"\x00", "an OK diagnosis")
     signals = itertools.cycle((signal.SIGSTOP, signal.SIGCONT, signal.SIGCONT, signal.SIGCONT))
 
     def paused() -> bool:
         process.signal(next(signals))
-        return "held up" in {item.key for item in heard.last.status[0].values}
+        return "held up" in {item.key for item in received.last.status[0].values}
 
     wait_for(paused, "the pause in /diagnostics", poll_s=0.3)
     process.signal(signal.SIGCONT)
@@ -118,36 +118,36 @@ def test_publishers_accept_qos_overrides(start: Start, peer: Peer) -> None:
 
 
 def test_emergency_stop_holds_until_both_keys(start: Start, peer: Peer) -> None:
-    heard = peer.listen(topics.CMD_VEL)
+    received = peer.listen(topics.CMD_VEL)
     example(start)
-    heard.wait(lambda message: message.linear.x == 1.0, "driving commands")
+    received.wait(lambda message: message.linear.x == 1.0, "driving commands")
     peer.publish(topics.EMERGENCY_STOP, Bool(data=True))
-    heard.wait(lambda message: message.linear.x == 0.0, "the stop")
-    stopped = len(heard.items)
+    received.wait(lambda message: message.linear.x == 0.0, "the stop")
+    stopped = len(received.items)
     peer.repeat(topics.SAFETY_STATUS, lambda: SafetyStatus(safety_state="EMERGENCY_STOP"), 10.0)
     peer.publish(topics.EMERGENCY_STOP, Bool(data=False))
-    wait_for(lambda: len(heard.items) > stopped + 10, "ten more commands")
-    assert {message.linear.x for message in heard.messages[stopped:]} == {0.0}
+    wait_for(lambda: len(received.items) > stopped + 10, "ten more commands")
+    assert {message.linear.x for message in received.messages[stopped:]} == {0.0}
     peer.repeat(topics.SAFETY_STATUS, lambda: SafetyStatus(safety_state="NORMAL"), 10.0)
-    heard.wait(lambda message: message.linear.x == 1.0, "driving again")
+    received.wait(lambda message: message.linear.x == 1.0, "driving again")
 
 
 def test_use_sim_time_drives_timers_by_clock(start: Start, peer: Peer) -> None:
-    heard, beats = peer.listen(topics.CMD_VEL), peer.listen(topics.HEARTBEAT)
+    received, beats = peer.listen(topics.CMD_VEL), peer.listen(topics.HEARTBEAT)
     example(start, "--ros-args", "-p", "use_sim_time:=true")
     peer.wait_matched(topics.CLOCK)
-    heard.wait_connected()
+    received.wait_connected()
     wait_for(lambda: len(beats.items) >= 3, "heartbeats, which go by real time")
-    assert heard.items == [], "without a clock no tick"
+    assert received.items == [], "without a clock no tick"
     now = [Time(sec=100)]
     peer.repeat(topics.CLOCK, lambda: Clock(clock=now[0]), 50.0)
     for tick in range(1, 7):
-        wait_for(lambda count=tick: len(heard.items) >= count, "a tick driven by /clock")
-        assert len(heard.items) == tick, "a second of the clock is one tick"
+        wait_for(lambda count=tick: len(received.items) >= count, "a tick driven by /clock")
+        assert len(received.items) == tick, "a second of the clock is one tick"
         now[0] = Time(sec=100 + min(tick, 5))
     count = len(beats.items)
     wait_for(lambda: len(beats.items) >= count + 3, "heartbeats")
-    assert len(heard.items) == 6, "no tick while /clock stands still, and none that was missed is made up for"
+    assert len(received.items) == 6, "no tick while /clock stands still, and none that was missed is made up for"
 
 
 def test_ros_run_executable_is_registered() -> None:

@@ -14,7 +14,7 @@ from robot_stack.core.robot import load_robot
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.middleware.point_cloud import points_of
 from tests.nodes.test_lidar_driver import Clock
-from tests.support.peer import Heard, Peer
+from tests.support.peer import Peer, Received
 from tests.support.processes import Start
 from tests.support.waiting import wait_for
 
@@ -32,16 +32,16 @@ def in_base(message: object) -> np.ndarray:
 
 
 @pytest.fixture
-def sweeps(start: Start, peer: Peer) -> Heard:
+def sweeps(start: Start, peer: Peer) -> Received:
     process = start("overhead_lidar_driver", "-p", "world:=yard")
-    heard = peer.listen(topics.OVERHEAD_LIDAR_POINTS)
+    received = peer.listen(topics.OVERHEAD_LIDAR_POINTS)
     peer.repeat(topics.SIM_BODIES, Clock(peer).bodies, 50.0)
-    wait_for(lambda: heard.items or not process.running(), "a frame", deadline_s=90.0)  # the first run compiles
+    wait_for(lambda: received.items or not process.running(), "a frame", deadline_s=90.0)  # the first run compiles
     assert process.running(), process.output()
-    return heard
+    return received
 
 
-def test_frames_show_ground_person_and_robot_where_they_are(sweeps: Heard, peer: Peer) -> None:
+def test_frames_show_ground_person_and_robot_where_they_are(sweeps: Received, peer: Peer) -> None:
     mountings = peer.listen(topics.TF_STATIC)
     wait_for(lambda: len(sweeps.items) >= 4 and mountings.items, "frames")
     message = sweeps.last
@@ -63,7 +63,7 @@ def test_frames_show_ground_person_and_robot_where_they_are(sweeps: Heard, peer:
     assert (abs(q.x), q.y, q.z, q.w) == pytest.approx((1.0, 0.0, 0.0, 0.0), abs=1e-9)
 
 
-def test_faults_change_the_frames(sweeps: Heard, peer: Peer) -> None:
+def test_faults_change_the_frames(sweeps: Received, peer: Peer) -> None:
     assert inject(peer, "covered").success
     sweeps.wait(lambda message: _farthest(message) < 0.5, "a covered lens")
     assert inject(peer, "clear").success

@@ -129,8 +129,8 @@ def test_ehmi_bridge_reaches_the_display_over_a_terminal_that_goes_with_it(start
         return dict(json.loads(message.data))
 
     peer.publish(topics.EHMI_STATE_COMMAND, EHMIState(state_num=Display.TRANSPORT, language="zh", volume=9))
-    told = shows(Display.TRANSPORT)
-    assert (told["text"], told["volume"], told["colour"]) == ("载客自动行驶中", 9, "turquoise")
+    reported = shows(Display.TRANSPORT)
+    assert (reported["text"], reported["volume"], reported["colour"]) == ("载客自动行驶中", 9, "turquoise")
     status.wait(lambda message: message.linked and message.acknowledged_state == Display.TRANSPORT, "acknowledged")
     leaves(bridge)
     shows(Display.OFF)

@@ -34,7 +34,7 @@ from wmx_ros2_message.msg import AxisPose
 from wmx_ros2_message.srv import SetAxis
 
 if TYPE_CHECKING:
-    from tests.support.peer import Heard, Peer
+    from tests.support.peer import Peer, Received
 
 JOINTS = ["joint1", "joint2", "joint3", "joint4", "joint5", "joint6"]
 FINGERS = ["picker_1_joint", "picker_2_joint"]
@@ -82,8 +82,8 @@ class Arm:
         from rclpy.action import ActionClient
 
         self.peer = peer
-        self.states: Heard = peer.listen(topics.WMX_JOINT_STATES)
-        self.truth: Heard = peer.listen(topics.SIM_JOINT_STATES)
+        self.states: Received = peer.listen(topics.WMX_JOINT_STATES)
+        self.truth: Received = peer.listen(topics.SIM_JOINT_STATES)
         self._client = ActionClient(peer.node, FollowJointTrajectory, actions.FOLLOW_JOINT_TRAJECTORY.name)
         wait_for(self._client.server_is_ready, "the action")
         self.states.wait(lambda _: True, "joint states")

@@ -54,16 +54,16 @@ class Studio:
 
     def value(self, key: str) -> str:
         """A value of the recorder's newest diagnostics."""
-        for message in self.told()[-1:]:
+        for message in self.reported()[-1:]:
             return next((item.value for item in message.status[0].values if item.key == key), "")
         return ""
 
     def wait_taken(self) -> None:
         """Waits until the recorder has processed all received messages, which it does between two diagnostics."""
-        told = len(self.told())
-        wait_for(lambda: len(self.told()) >= told + 2, "the recorder's diagnostics twice")
+        reported = len(self.reported())
+        wait_for(lambda: len(self.reported()) >= reported + 2, "the recorder's diagnostics twice")
 
-    def told(self) -> list[DiagnosticArray]:
+    def reported(self) -> list[DiagnosticArray]:
         """The recorder's diagnostics so far."""
         return [message for message in self.diagnostics.messages if message.status[0].name == "recorder"]
 

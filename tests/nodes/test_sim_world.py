@@ -68,8 +68,8 @@ def test_contents_of_the_topics_and_their_stamps(listener: Peer) -> None:
     joints, battery = listener.listen(topics.SIM_JOINT_STATES), listener.listen(topics.BATTERY_STATE)
     mounting, clock = listener.listen(topics.TF_STATIC), listener.listen(topics.CLOCK)
     imu = listener.listen(topics.IMU)
-    for heard in (imu, truth, joints, battery):
-        wait_for(lambda heard=heard: heard.items, "messages")
+    for received in (imu, truth, joints, battery):
+        wait_for(lambda received=received: received.items, "messages")
     assert imu.last.header.frame_id == "imu"
     assert imu.last.linear_acceleration.z == pytest.approx(9.81, abs=0.3)
     assert abs(time_to_s(imu.last.header.stamp) - time.time()) < 30.0, "those of the system clock"

@@ -43,19 +43,19 @@ from tests.support.waiting import wait_for
 from tests.unit.ui.test_protocol import GOOD, mutate
 
 if TYPE_CHECKING:
-    from tests.support.peer import Heard, Peer
+    from tests.support.peer import Peer, Received
 
 
 class TouchScreen:
     """The node, its port, and its messages to the robot."""
 
     def __init__(self, start: Start, peer: Peer, *arguments: str) -> None:
-        self.stops: Heard = peer.listen(topics.EMERGENCY_STOP)
-        self.commands: Heard = peer.listen(topics.UI_COMMAND)
-        self.teleop: Heard = peer.listen(topics.TELEOP_CMD_VEL)
-        self.poses: Heard = peer.listen(topics.INITIAL_POSE)
-        self.goals: Heard = peer.listen(topics.GOAL_POSE)
-        self.beats: Heard = peer.listen(topics.UI_HEARTBEAT)
+        self.stops: Received = peer.listen(topics.EMERGENCY_STOP)
+        self.commands: Received = peer.listen(topics.UI_COMMAND)
+        self.teleop: Received = peer.listen(topics.TELEOP_CMD_VEL)
+        self.poses: Received = peer.listen(topics.INITIAL_POSE)
+        self.goals: Received = peer.listen(topics.GOAL_POSE)
+        self.beats: Received = peer.listen(topics.UI_HEARTBEAT)
         pin = f"access.pin_hash:='{hash_pin(PIN)}'"
         self.process = start("touch_ui", "-p", "server.port:=0", "-p", pin, "-p", "pages.map:=''", *arguments)
         self.process.wait_output("serving http")
@@ -70,7 +70,7 @@ class TouchScreen:
         wait_for(all_there, "the node's publishers")
 
     @property
-    def heard(self) -> tuple[Heard, ...]:
+    def arrived(self) -> tuple[Received, ...]:
         return (self.stops, self.commands, self.teleop, self.poses, self.goals)
 
 
@@ -86,8 +86,8 @@ def screen(shared_screen: TouchScreen) -> TouchScreen:
         if any(message.data for message in shared_screen.stops.messages[-1:]):
             page.log_in().ask("reset")
             shared_screen.stops.wait(lambda message: not message.data, "the release")
-    for heard in shared_screen.heard:
-        heard.items.clear()
+    for arrived in shared_screen.arrived:
+        arrived.items.clear()
     return shared_screen
 
 
@@ -169,8 +169,8 @@ def test_page_receives_state_updates_and_only_changes(screen: TouchScreen, rider
     assert {item["id"] for item in rider.state["missions"]["list"]} >= {"site_ride", "wheelchair_transport"}
     assert rider.state["access"]["role"] == "rider"
     wait_for(lambda: len(screen.beats.items) >= 3, "three seconds")
-    for name in {name for _, told in rider.told for name in told}:  # only changes are sent
-        values = [told[name] for _, told in rider.told if name in told]
+    for name in {name for _, reported in rider.reported for name in reported}:  # only changes are sent
+        values = [reported[name] for _, reported in rider.reported if name in reported]
         assert all(before != after for before, after in pairwise(values)), name
     robot.silence(topics.SAFETY_STATUS)
     rider.wait("stand", "reasons", ["NO_SAFETY"])
@@ -377,7 +377,7 @@ def test_hostile_pages_change_nothing_and_crash_nothing(screen: TouchScreen) -> 
         wait_for(lambda page=page: page.closed is not None, "a page that is closed for what it said")
         page.close()
         assert page.closed in (1008, 1009), page.closed
-    assert not any(heard.items for heard in screen.heard)
+    assert not any(arrived.items for arrived in screen.arrived)
     with web_page(screen.port) as page:
         assert page.ask("call", on=True)["ok"]
     assert screen.process.running()

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from robot_stack.contract import topics
 from robot_stack.middleware.conversions import time_to_s
 from sim.devices.v4l2 import build_library
-from tests.support.peer import Heard, Peer, says
+from tests.support.peer import Peer, Received, says
 from tests.support.processes import NodeProcess, node_command
 from tests.support.waiting import wait_for
 
@@ -72,12 +72,12 @@ def jpeg(picture: NDArray[np.uint8]) -> bytes:
     return bytes(cv2.imencode(".jpg", cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR))[1].tobytes())
 
 
-def wait_picture(heard: Heard, picture: NDArray[np.uint8]) -> None:
+def wait_picture(received: Received, picture: NDArray[np.uint8]) -> None:
     def close() -> bool:
-        pixels = np.frombuffer(bytes(heard.last.data), np.uint8).reshape(HEIGHT, WIDTH)
+        pixels = np.frombuffer(bytes(received.last.data), np.uint8).reshape(HEIGHT, WIDTH)
         return bool(np.abs(pixels.astype(int) - picture).mean() < 3.0)
 
-    wait_for(lambda: heard.items and close(), "what the camera shows")
+    wait_for(lambda: received.items and close(), "what the camera shows")
 
 
 def test_both_cameras_that_keep_their_own_exposure_and_what_goes_wrong(
@@ -88,8 +88,8 @@ def test_both_cameras_that_keep_their_own_exposure_and_what_goes_wrong(
     for device, picture in zip((cameras.front, cameras.rear), pictures, strict=True):
         cameras.show(device, jpeg(picture))
     cameras.start(monkeypatch)
-    for heard, picture in zip(cameras.images, pictures, strict=True):
-        wait_picture(heard, picture)
+    for received, picture in zip(cameras.images, pictures, strict=True):
+        wait_picture(received, picture)
     image, info = cameras.images[0].last, cameras.infos.last
     assert (image.encoding, image.width, image.height, image.step) == ("mono8", WIDTH, HEIGHT, WIDTH)
     assert image.header.frame_id == info.header.frame_id == "front_camera"

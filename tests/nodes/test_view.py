@@ -86,7 +86,7 @@ class Viewer:
     def send(self, item: str | bytes) -> None:
         self._link.send(item)
 
-    def heard(self, topic: str) -> list[bytes]:
+    def received(self, topic: str) -> list[bytes]:
         return [data for name, data in self.messages if name == topic]
 
     def close(self) -> None:
@@ -163,10 +163,10 @@ def test_messages_arrive_unchanged_and_only_while_watched(peer: Peer, viewer: Ca
     sent = [odometry(number) for number in range(1000)]
     coming = iter(sent)
     peer.repeat(row, lambda: next(coming), 20.0)
-    wait_for(lambda: len(one.heard(row.name)) >= 5, "five messages")
-    heard = one.heard(row.name)
-    first = sent.index(heard[0])
-    assert heard == sent[first : first + len(heard)]
+    wait_for(lambda: len(one.received(row.name)) >= 5, "five messages")
+    received = one.received(row.name)
+    first = sent.index(received[0])
+    assert received == sent[first : first + len(received)]
     one.look_away(row.name)
     wait_for(lambda: subscribers(peer, row) == 0, "the subscription's end")
 
@@ -179,8 +179,8 @@ def test_images_are_transmitted_unchanged(peer: Peer, viewer: Callable[[], Viewe
     one.look(row.name)
     peer.wait_matched(row)
     peer.repeat(row, lambda: image, 5.0)
-    wait_for(lambda: one.heard(row.name), "an image")
-    assert one.heard(row.name)[0] == image
+    wait_for(lambda: one.received(row.name), "an image")
+    assert one.received(row.name)[0] == image
 
 
 def test_viewers_share_a_subscription_and_the_latched_message(peer: Peer, viewer: Callable[[], Viewer]) -> None:
@@ -190,14 +190,14 @@ def test_viewers_share_a_subscription_and_the_latched_message(peer: Peer, viewer
     for watched in (row, topics.ODOM):
         one.look(watched.name)
         peer.wait_matched(watched)
-    wait_for(lambda: one.heard(row.name), "the latched message")
+    wait_for(lambda: one.received(row.name), "the latched message")
     two.look(row.name)
-    wait_for(lambda: two.heard(row.name), "the latched message for who came later")
-    assert set(one.heard(row.name)) == set(two.heard(row.name)) == {YES}
+    wait_for(lambda: two.received(row.name), "the latched message for who came later")
+    assert set(one.received(row.name)) == set(two.received(row.name)) == {YES}
     one.vanish()  # its own subscriptions end, the shared one stays
     wait_for(lambda: subscribers(peer, topics.ODOM) == 0, "the end of the vanished viewer's subscription")
     peer.publish(row, NO)
-    wait_for(lambda: NO in two.heard(row.name), "the next message")
+    wait_for(lambda: NO in two.received(row.name), "the next message")
     two.close()
     wait_for(lambda: subscribers(peer, row) == 0, "the subscription's end with its last viewer")
 
@@ -210,17 +210,17 @@ def test_the_model_follows_joints_passenger_and_external_display(peer: Peer, vie
     assert one.channels["/joint_states"]  # advertised, but not subscribed
     states = JointState(name=["fl_drive", "fl_steer"], position=[0.0, 0.5])
     peer.repeat(topics.JOINT_STATES, lambda: states, 20.0)
-    wait_for(lambda: one.heard(MODEL), "a model")
-    assert b"fl_wheel" in one.heard(MODEL)[-1]
-    assert b"wheelchair" not in one.heard(MODEL)[-1]
-    assert one.heard("/joint_states") == []
+    wait_for(lambda: one.received(MODEL), "a model")
+    assert b"fl_wheel" in one.received(MODEL)[-1]
+    assert b"wheelchair" not in one.received(MODEL)[-1]
+    assert one.received("/joint_states") == []
     peer.publish(topics.PASSENGER_ATTACHED, Bool(data=True))
-    wait_for(lambda: b"wheelchair" in one.heard(MODEL)[-1], "the wheelchair")
+    wait_for(lambda: b"wheelchair" in one.received(MODEL)[-1], "the wheelchair")
     status = EHMIStatus(linked=True, acknowledged_state=Display.EMERGENCY_STOP)
     peer.repeat(topics.EHMI_STATUS, lambda: status, 5.0)
-    wait_for(lambda: b"Emergency stop" in one.heard(MODEL)[-1], "what the external display shows")
+    wait_for(lambda: b"Emergency stop" in one.received(MODEL)[-1], "what the external display shows")
     status.linked = False
-    wait_for(lambda: b"no answer" in one.heard(MODEL)[-1], "the lost display")
+    wait_for(lambda: b"no answer" in one.received(MODEL)[-1], "the lost display")
     one.look_away(MODEL)
     wait_for(lambda: subscribers(peer, topics.JOINT_STATES) == 0, "the end of /joint_states")
 
@@ -261,8 +261,8 @@ def test_garbage_changes_nothing(peer: Peer, view: NodeProcess, viewer: Callable
             hostile = viewer()
     raw_requests(port_of(view))
     peer.repeat(row, lambda: odometry_1, 20.0)  # best effort: the first may be lost
-    wait_for(lambda: looking.heard(row.name), "the message of the other viewer")
-    assert set(looking.heard(row.name)) == {odometry_1}
+    wait_for(lambda: looking.received(row.name), "the message of the other viewer")
+    assert set(looking.received(row.name)) == {odometry_1}
     assert subscribers(peer, row) == 1
     assert peer.node.count_publishers(topics.EMERGENCY_STOP.name) == 0
     assert stop.messages == []

@@ -25,7 +25,7 @@ from wmx_ros2_message.msg import AxisPose, AxisState, AxisVelocity
 from wmx_ros2_message.srv import SetAxis, SetEngine
 
 if TYPE_CHECKING:
-    from tests.support.peer import Heard, Peer
+    from tests.support.peer import Peer, Received
 
 NAME = "wmx_ros2_general_node"
 N_AXES = 4
@@ -47,7 +47,7 @@ class Bench:
     def __init__(self, start: Start, peer: Peer, folder: Path) -> None:
         self._start, self.peer = start, peer
         self.engine = TestEngine(start, folder)
-        self.states: Heard = peer.listen(topics.WMX_AXIS_STATE)
+        self.states: Received = peer.listen(topics.WMX_AXIS_STATE)
         self._node: NodeProcess | None = None
 
     @property

@@ -76,7 +76,7 @@ def test_samples_silence_and_a_pulled_cable(start: Start, peer: Peer, device: De
     says(diagnostics, "xsens_driver", "No such file or directory")
     device.plug()
     wait_for(lambda: len(samples.items) >= 100, "samples")
-    assert device.unit.measuring, "the unit was told to measure"
+    assert device.unit.measuring, "the unit was commanded to measure"
     message = samples.last
     assert message.header.frame_id == "imu"
     assert message.angular_velocity.z == pytest.approx(0.25)

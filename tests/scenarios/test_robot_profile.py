@@ -68,11 +68,11 @@ def test_the_robot_drives_by_its_own_drivers(stack: StackUnderTest) -> None:
 
     for key, driver in DRIVERS.items():
         row = topics.ROWS[key]
-        heard = stack.peer.listen(row)
-        heard.wait(lambda _: True, f"a message on {row.name}")
+        received = stack.peer.listen(row)
+        received.wait(lambda _: True, f"a message on {row.name}")
         publishers = stack.peer.node.get_publishers_info_by_topic(row.name)
         assert [info.node_name for info in publishers] == [driver], row.name
-        stack.peer.node.destroy_subscription(heard.subscription)
+        stack.peer.node.destroy_subscription(received.subscription)
 
     found = [*robot_checks.engine(), *robot_checks.level(), *robot_checks.display()]
     assert [finding for finding in found if finding.level is not Level.OK] == []

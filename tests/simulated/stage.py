@@ -273,14 +273,14 @@ def staged(
     wrong_by: the estimated start relative to the true one. light: few LiDAR beams, and images only while docking.
     black_box: see ``StackSetup``. digest: see ``RunOptions``.
     """
-    believed = () if start is None else pose_settings("ndt_localization.start", start.compose(wrong_by))
+    assumed = () if start is None else pose_settings("ndt_localization.start", start.compose(wrong_by))
     scenario = Scenario(
         description="a story",
         world=world,
         seed=seed,
         limit_s=3600.0,
         start=None if start is None else Place(x_m=start.x, y_m=start.y, yaw_deg=math.degrees(start.yaw)),
-        settings=["sim_world.people=false", *believed, *settings],
+        settings=["sim_world.people=false", *assumed, *settings],
     )
     # Tests run in parallel: each keeps to one core.
     options = RunOptions(light=light, parallel=False, black_box=black_box, digest=digest)

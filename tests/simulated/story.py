@@ -19,7 +19,7 @@ _LIMIT_S = 10.0
 _DISCOVERY_S = 5.0
 
 
-class Heard:
+class Received:
     """Messages received on a topic: (virtual time in s, message) pairs."""
 
     def __init__(self, story: Story, name: str) -> None:
@@ -170,15 +170,15 @@ class Story:
 
     # --- messages ----------------------------------------------------------------------------------------------------
 
-    def listen(self, row: Topic, callback: Callable[[Any], object] = lambda _: None) -> Heard:
-        heard = Heard(self, row.name)
+    def listen(self, row: Topic, callback: Callable[[Any], object] = lambda _: None) -> Received:
+        arrived = Received(self, row.name)
 
         def on_message(message: Any, *_: int) -> None:
-            heard.items.append((self.now_s, message))
+            arrived.items.append((self.now_s, message))
             callback(message)
 
         self._port.listen(row, on_message, raw=False, wakes=True)
-        return heard
+        return arrived
 
     def publisher(self, row: Topic) -> Publisher:
         if row.name not in self._publishers:

@@ -30,20 +30,20 @@ def test_rows_and_the_running_robot_are_the_same() -> None:
         plan = stage.stack.plan
         nodes = frozenset(node for process in plan.processes for node in process.nodes)
         rows = rows_of(plan.machine, use_sim_time=False)
-        heard = {row.name: stage.listen(row) for row in rows if row.rate_hz and not row.bulk}
+        received = {row.name: stage.listen(row) for row in rows if row.rate_hz and not row.bulk}
         stage.run(1.0 + _MEASURED_S)
         wrong: list[str] = []
         for row in rows:
             seen = _endpoints(stage.stack, row.name)
             wrong += [f"{row.name}: {text}" for text in (*lacking(row, seen, nodes), *strangers(row, seen, nodes))]
         for row in rows:
-            if row.name not in heard:
+            if row.name not in received:
                 continue
-            times = [time_s for time_s in heard[row.name].times_s if time_s > stage.now_s - _MEASURED_S]
+            times = [time_s for time_s in received[row.name].times_s if time_s > stage.now_s - _MEASURED_S]
             # Rows that are published only during an activity have no messages here.
             if times and len(times) < 0.9 * row.rate_hz * _MEASURED_S - 1.0:
                 wrong.append(f"{row.name}: {len(times)} messages in {_MEASURED_S} s, {row.rate_hz} Hz promised")
-        silent = {name for name, item in heard.items() if not item.items}
+        silent = {name for name, item in received.items() if not item.items}
         assert silent <= ON_DEMAND, silent
         assert not wrong, "\n".join(wrong)
         known = {row.name for row in rows}

@@ -23,7 +23,7 @@ from tests.support.waiting import DEADLINE_S, wait_for
 _ASK_AGAIN_S = 10.0
 
 
-class Heard:
+class Received:
     """Messages that a peer has received on a topic: (steady time of reception, message) pairs."""
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class Heard:
         return self.last
 
 
-def says(diagnostics: Heard, node: str, text: str) -> dict[str, str]:
+def says(diagnostics: Received, node: str, text: str) -> dict[str, str]:
     """Waits for a new report with the text, once a second, and returns its values."""
     first = len(diagnostics.items)
 
@@ -77,18 +77,18 @@ class Peer:
         self._thread = threading.Thread(target=self._executor.spin, daemon=True)
         self._thread.start()
 
-    def listen(self, row: Topic, callback: Callable[[Any], None] | None = None) -> Heard:
-        heard = Heard()
+    def listen(self, row: Topic, callback: Callable[[Any], None] | None = None) -> Received:
+        arrived = Received()
 
         def on_message(message: Any) -> None:
-            heard.on_message(message)
+            arrived.on_message(message)
             if callback is not None:
                 callback(message)
 
-        heard.subscription = self.node.create_subscription(
+        arrived.subscription = self.node.create_subscription(
             interface_class(row.type), row.name, on_message, qos_profile(row.qos)
         )
-        return heard
+        return arrived
 
     def publisher(self, row: Topic) -> Any:
         if row.name not in self._publishers:

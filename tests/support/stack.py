@@ -145,9 +145,9 @@ class StackUnderTest:
             wait_for(lambda: self.speed_mps > 0.9 * speed_mps, f"the robot drives at {speed_mps} m/s")
         except AssertionError as error:
             limit, drive = self.limit.last, self.process("swerve_controller")
-            told = f"{self._safety_text()}, limit {limit.max_linear_velocity} {limit.reason}"
+            reported = f"{self._safety_text()}, limit {limit.max_linear_velocity} {limit.reason}"
             near = f"nearest obstacle {self.safety.last.min_obstacle_distance:.2f} m, the robot at {self.at()}"
-            raise AssertionError(f"{error}; it is {told}; {near}; swerve_controller: {drive}") from None
+            raise AssertionError(f"{error}; it is {reported}; {near}; swerve_controller: {drive}") from None
 
     def let_go(self) -> None:
         """Returns when the drive considers the stick released: after a stop, only a new command may drive again."""

@@ -26,7 +26,7 @@ class WebPage:
             f"ws://127.0.0.1:{port}/ws", origin=origin or own, compression=None, open_timeout=20, legacy=True
         )
         self.state: dict[str, Any] = {}
-        self.told: list[tuple[float, dict[str, Any]]] = []
+        self.reported: list[tuple[float, dict[str, Any]]] = []
         self.answers: dict[int, dict[str, Any]] = {}
         self.refused: list[str] = []
         self.frames: dict[int, list[bytes]] = {}
@@ -78,7 +78,7 @@ class WebPage:
         message = json.loads(item)
         match message["t"]:
             case "state":
-                self.told.append((time.monotonic(), message["v"]))
+                self.reported.append((time.monotonic(), message["v"]))
                 self.state |= message["v"]
             case "answer":
                 self.answers[message["id"]] = message

@@ -59,14 +59,14 @@ def play(case: Case, *, guarded: bool = True) -> Outcome:
         asked = leg is not None and leg.requested != ZERO_TWIST and distance_m > 0.0
         stops_now = asked and stage.verdict.limit.linear_mps == 0.0
         if stops_now and not stopped:
-            stops.append(f"{distance_m:.1f} m: {told(stage)}")
+            stops.append(f"{distance_m:.1f} m: {reported(stage)}")
         stopped = stops_now
         if _over(case, stage.body.pose):
-            return Outcome(case, True, stage.body.twist.speed(), distance_m, tuple(stops), told(stage))
-    return Outcome(case, False, 0.0, distance_m, tuple(stops), told(stage))
+            return Outcome(case, True, stage.body.twist.speed(), distance_m, tuple(stops), reported(stage))
+    return Outcome(case, False, 0.0, distance_m, tuple(stops), reported(stage))
 
 
-def told(stage: Stage) -> str:
+def reported(stage: Stage) -> str:
     limit = stage.verdict.limit
     return f"{limit.linear_mps:.2f} m/s {join_codes(limit.codes)} {'; '.join(stage.monitor.details.values())}"
 

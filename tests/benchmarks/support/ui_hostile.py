@@ -147,15 +147,15 @@ def _messages(target: Target, draw: random.Random, outcome: Outcome) -> None:
 
 def _obeyed(page: ClientConnection) -> bool:
     """True if the page's last message was accepted. Raises TimeoutError."""
-    for told in _told(page):
-        if told.get("t") == "refused":
+    for reported in _reported(page):
+        if reported.get("t") == "refused":
             return False
-        if told.get("t") == "answer":
-            return bool(told.get("ok"))
+        if reported.get("t") == "answer":
+            return bool(reported.get("ok"))
     return False
 
 
-def _told(page: ClientConnection) -> Iterator[dict[str, object]]:
+def _reported(page: ClientConnection) -> Iterator[dict[str, object]]:
     end_s = time.monotonic() + _TIMEOUT_S
     while True:
         item = page.recv(timeout=end_s - time.monotonic())

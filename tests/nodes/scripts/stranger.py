@@ -43,10 +43,10 @@ with TemporaryDirectory() as folder:
     drive = node.create_publisher(Twist, topics.CMD_VEL.name, qos_profile(topics.CMD_VEL.qos))
     reset = node.create_client(Trigger, services.SAFETY_RESET.name)
     end_s = time.monotonic() + seconds
-    heard = (0, 0, 0)
-    while time.monotonic() < end_s and not all(heard):
+    received = (0, 0, 0)
+    while time.monotonic() < end_s and not all(received):
         stop.publish(Bool(data=True))
         drive.publish(Twist())
         rclpy.spin_once(node, timeout_sec=0.1)
-        heard = (stop.get_subscription_count(), drive.get_subscription_count(), int(reset.service_is_ready()))
-    print("heard by", *heard)
+        received = (stop.get_subscription_count(), drive.get_subscription_count(), int(reset.service_is_ready()))
+    print("discovered by", *received)

@@ -55,7 +55,7 @@ class Cameras:
         self.pad = 0
         self.stamps: list[float] = []
         self.make = self.image
-        self.heard = bench.listen(topics.ARUCO_DETECTIONS)
+        self.arrived = bench.listen(topics.ARUCO_DETECTIONS)
         bench.start("aruco_detector", parameters)
         bench.wait(lambda: bench.port.count_subscribers(topics.FRONT_IMAGE.name), "the node's subscription")
         for row in (row for rows in ROWS.values() for row in rows):
@@ -75,14 +75,14 @@ class Cameras:
         return image(camera, PICTURES[camera], stamp_s, self.pad)
 
     def wait_ids(self, expected: list[int]) -> None:
-        self.heard.wait(lambda message: ids(message) == expected, f"markers {expected}", 5.0)
+        self.arrived.wait(lambda message: ids(message) == expected, f"markers {expected}", 5.0)
 
     def settled(self, duration_s: float = 1.5) -> list[Any]:
         """The arrays received during a period, without those in flight at its start."""
         self.bench.run(0.3)
         begun_s = self.bench.now_s
         self.bench.run(duration_s)
-        return self.heard.since(begun_s)
+        return self.arrived.since(begun_s)
 
 
 @pytest.fixture
@@ -115,7 +115,7 @@ def test_markers_of_both_cameras_in_one_array_at_10_hz(cameras: Cameras) -> None
     cameras.pad = 24  # pads the rows beyond the image width
     arrays = cameras.settled()
     assert [ids(message) for message in arrays] == [FRONT + REAR] * len(arrays)
-    assert cameras.heard.period_s(10) == pytest.approx(0.1, abs=LATENCY_S)
+    assert cameras.arrived.period_s(10) == pytest.approx(0.1, abs=LATENCY_S)
     stamps = [time_to_s(message.header.stamp) for message in arrays]
     assert len(set(stamps)) == len(stamps) >= 14, "an exposure came twice"
     for entry in arrays[-1].detections:
@@ -133,12 +133,12 @@ def test_a_dead_camera_costs_neither_rate_nor_the_other_cameras_markers(cameras:
     cameras.running.discard("rear")
     arrays = cameras.settled()
     assert [ids(message) for message in arrays] == [FRONT] * len(arrays)
-    assert cameras.heard.period_s(10) == pytest.approx(0.1, abs=LATENCY_S)
+    assert cameras.arrived.period_s(10) == pytest.approx(0.1, abs=LATENCY_S)
     stamps = [time_to_s(message.header.stamp) for message in arrays]
     assert all(after > before for before, after in itertools.pairwise(stamps))
     cameras.running.clear()
     empty = cameras.settled(3.0)
-    assert cameras.heard.period_s(10) == pytest.approx(0.1, abs=LATENCY_S)
+    assert cameras.arrived.period_s(10) == pytest.approx(0.1, abs=LATENCY_S)
     assert {(len(ids(message)), time_to_s(message.header.stamp)) for message in empty} == {(0, 0.0)}
 
 

@@ -21,7 +21,7 @@ def test_speeds_and_odometry_come_100_times_a_second_with_the_time_of_the_engine
     bench.repeat(topics.WMX_CMD_VEL, Twist, 20.0)
     speeds.wait()
     bench.run(3.0)
-    for heard in (speeds, odometry):
-        assert heard.period_s(100) == pytest.approx(0.01, abs=1e-4)
+    for received in (speeds, odometry):
+        assert received.period_s(100) == pytest.approx(0.01, abs=1e-4)
     age_s = bench.stamp_s() - time_to_s(odometry.last.header.stamp)
     assert 0.0 <= age_s <= 0.01 + 0.005 + COMPUTE_S + LATENCY_S + 1e-6

@@ -66,8 +66,8 @@ def test_button_reports_its_source_at_5_hz(bench: Bench) -> None:
     button.wait_values([True])
     begun_s = bench.now_s
     bench.run(3.0)
-    told = {(message.pid, message.presses, message.pressed) for message in button.sources.since(begun_s)}
-    assert told == {(button.process.life.process_id, 1, True)}
+    reported = {(message.pid, message.presses, message.pressed) for message in button.sources.since(begun_s)}
+    assert reported == {(button.process.life.process_id, 1, True)}
     assert button.sources.period_s(10) == pytest.approx(0.2, abs=1e-6)
     bench.engine.press(False)
     button.sources.wait(lambda message: (message.pressed, message.presses) == (False, 1), "the release", 0.1)

@@ -380,8 +380,8 @@ def test_orders_wait_for_one_touch_after_a_kill_and_then_run_one_after_the_other
         assert edit(world, "ADD", order_id).success
     world.kill()
     world.launch()
-    told = queue.wait(lambda q: q.held_by == MissionQueue.RESTART and q.orders, "the queue")
-    assert [(order.id, order.origin) for order in told.orders] == [("a", "fleet"), ("b", "fleet")]
+    reported = queue.wait(lambda q: q.held_by == MissionQueue.RESTART and q.orders, "the queue")
+    assert [(order.id, order.origin) for order in reported.orders] == [("a", "fleet"), ("b", "fleet")]
     world.bench.run(20.0)
     assert world.navigation.goals == [], "nothing moves by itself"
 

@@ -246,7 +246,7 @@ def test_pedestrians_are_published_while_subscribed(bench: Bench) -> None:
 
 def test_commands_go_on_while_a_route_is_planned(bench: Bench) -> None:
     """Planning runs beside the loop: one tick reports the planning, and a later one has the route."""
-    told = bench.listen(topics.NAVIGATION_STATUS)
+    reported = bench.listen(topics.NAVIGATION_STATUS)
     scene = Scene(bench, use_costmap=True)
     cells = np.zeros((200, 200), np.int8)
     cells[90:110, 160:170] = 100  # 3 m ahead
@@ -254,7 +254,7 @@ def test_commands_go_on_while_a_route_is_planned(bench: Bench) -> None:
     bench.repeat(topics.PEOPLE, lambda: people_message((), bench.stamp_s()), 5.0)
     scene.rests(0.5)
     scene.go(Pose2(30.0, 5.0, 0.0))
-    told.wait(lambda message: message.data == "planning a route", "a route being planned", 0.2)
+    reported.wait(lambda message: message.data == "planning a route", "a route being planned", 0.2)
     begun_s = bench.now_s
     scene.plans.wait(lambda message: len(message.poses) > 2, "the route")
     assert bench.now_s - begun_s <= 2.0 * TICK_S + JOB_S

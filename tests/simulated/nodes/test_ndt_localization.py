@@ -90,8 +90,8 @@ def test_pose_quality_and_transform_come_at_their_rate(scene: Scene) -> None:
     scene.roll()
     scene.turn()
     scene.bench.run(4.0)
-    for heard in (scene.poses, scene.qualities):
-        assert heard.period_s(30) == pytest.approx(PERIOD_S, abs=1e-4)
+    for received in (scene.poses, scene.qualities):
+        assert received.period_s(30) == pytest.approx(PERIOD_S, abs=1e-4)
     message = scene.poses.last
     assert message.header.frame_id == "map"
     assert message.pose.position.x == pytest.approx(2.0, abs=1e-3)

@@ -26,7 +26,7 @@ from robot_stack.safety.latch_store import COPIES, decode
 from robot_stack.safety.monitor import Memory
 from robot_stack.safety.nodes.safety_monitor import LATCH_FILE, LATCH_FOLDER
 from tests.simulated.bench import COMPUTE_S, LATENCY_S, Bench
-from tests.simulated.story import Heard
+from tests.simulated.story import Received
 
 ROWS = (
     "ESTOP_PRESSED",
@@ -54,9 +54,9 @@ def presence(message: DiagnosticArray) -> dict[str, Presence]:
     return parse_presence({item.key: item.value for status in statuses for item in status.values})
 
 
-def first_s(heard: Heard, since_s: float, condition: Callable[[Any], Any]) -> float:
+def first_s(received: Received, since_s: float, condition: Callable[[Any], Any]) -> float:
     """Time from ``since_s`` to the first message that meets the condition."""
-    return next(at_s for at_s, message in heard.items if at_s >= since_s and condition(message)) - since_s
+    return next(at_s for at_s, message in received.items if at_s >= since_s and condition(message)) - since_s
 
 
 def latch_copies() -> list[Path]:
@@ -309,9 +309,9 @@ def test_false_of_another_source_and_a_silent_source_do_not_release(scene: Scene
     scene.bench.run(0.4)
     assert scene.reset().message == "refused: ESTOP_PRESSED: pressed by panel"
     assert "release it there" in scene.clear("panel").message
-    told = scene.bench.listen(topics.DIAGNOSTICS)
+    shown = scene.bench.listen(topics.DIAGNOSTICS)
     panel.end()
-    told.wait(lambda message: presence(message) == {"panel": Presence.GONE}, "the panel to be reported as gone")
+    shown.wait(lambda message: presence(message) == {"panel": Presence.GONE}, "the panel to be reported as gone")
     assert "pressed by panel (gone)" in scene.reset().message
     assert scene.clear("panel").success
     scene.release()

@@ -21,7 +21,7 @@ from robot_stack.core.geometry import Twist2
 from robot_stack.core.robot import load_robot
 from robot_stack.middleware.conversions import pose_from_msg, time_from_s, time_to_s, twist_to_msg
 from tests.simulated.bench import COMPUTE_S, LATENCY_S, Bench
-from tests.simulated.story import Heard
+from tests.simulated.story import Received
 from tests.support.urdf import Urdf
 
 RADIUS_M = load_robot().wheel_radius_m
@@ -137,17 +137,17 @@ def is_zero(message: SwerveModuleCommandArray) -> bool:
     return all(module.drive_velocity == 0.0 for module in message.modules)
 
 
-def yaw_of(heard: Heard) -> float:
-    return pose_from_msg(heard.last.pose.pose).yaw
+def yaw_of(arrived: Received) -> float:
+    return pose_from_msg(arrived.last.pose.pose).yaw
 
 
 def test_a_ride_forward(world: World) -> None:
     world.drive(0.5)
     world.bench.run(3.0)
-    for heard, period_s in ((world.commands, 0.05), (world.limited, 0.05), (world.odom, 0.02)):
-        stamps = [time_to_s(message.header.stamp) for message in heard.messages[-41:]]
+    for arrived, period_s in ((world.commands, 0.05), (world.limited, 0.05), (world.odom, 0.02)):
+        stamps = [time_to_s(message.header.stamp) for message in arrived.messages[-41:]]
         steps = [later - earlier for earlier, later in itertools.pairwise(stamps)]
-        assert steps == pytest.approx([period_s] * 40, abs=2.0 * COMPUTE_S), heard
+        assert steps == pytest.approx([period_s] * 40, abs=2.0 * COMPUTE_S), arrived
     assert [module.module_id for module in world.commands.last.modules] == [0, 1, 2, 3]
     assert [module.drive_velocity for module in world.commands.last.modules] == pytest.approx([0.5] * 4)
     assert world.commands.last.header.frame_id == "base_link"
@@ -319,11 +319,11 @@ def test_passenger_is_driven_gently_and_slowly(world: World) -> None:
     world.bench.run(0.1)
     world.navigate(Twist2(5.0, 0.0, 0.0))
     world.wait_speed(1.0)
-    heard = world.limited.messages
+    arrived = world.limited.messages
     accelerations = [
         (later.twist.linear.x - earlier.twist.linear.x)
         / (time_to_s(later.header.stamp) - time_to_s(earlier.header.stamp))
-        for earlier, later in zip(heard, heard[10:], strict=False)
+        for earlier, later in zip(arrived, arrived[10:], strict=False)
     ]
     assert max(accelerations) == pytest.approx(0.5, abs=0.01)
 

@@ -137,8 +137,8 @@ def test_diagnostics_as_a_tree(bench: Bench) -> None:
     entry = DiagnosticStatus(name="swerve_controller", message="driving", values=values)
     bench.repeat(topics.DIAGNOSTICS, lambda: DiagnosticArray(status=[entry]), 2.0)
     scene.wait_entry("/Robot/Drive", lambda found: found.level == DiagnosticStatus.OK)
-    told = scene.wait_entry("/Robot/Drive/swerve_controller", lambda found: found.message == "driving")
-    assert values_of(told)["input /cmd_vel"] == values[0].value
+    reported = scene.wait_entry("/Robot/Drive/swerve_controller", lambda found: found.message == "driving")
+    assert values_of(reported)["input /cmd_vel"] == values[0].value
     traffic = scene.wait_entry("/Robot/System/system_monitor: topics", lambda f: f.level == DiagnosticStatus.WARN)
     assert "/cmd_vel 12.0 Hz instead of 20" in traffic.message
     silent_s = bench.now_s

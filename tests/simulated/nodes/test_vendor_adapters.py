@@ -41,7 +41,7 @@ class Driver:
         """Waits for a new report with ``text``, and returns its values."""
         first = len(self._diagnoses.items)
 
-        def told() -> Any:
+        def reported() -> Any:
             return next(
                 (
                     message.status[0]
@@ -51,7 +51,7 @@ class Driver:
                 None,
             )
 
-        status = self.bench.wait(told, f"{self.name}: {text}", 5.0)
+        status = self.bench.wait(reported, f"{self.name}: {text}", 5.0)
         return {item.key: item.value for item in status.values}
 
 

@@ -61,7 +61,7 @@ def pose_at(time_s: float) -> Pose2:
     return Pose2(0.0, 3.0 + time_s, 0.5 * math.pi)
 
 
-def believed(time_s: float) -> PoseStamped:
+def assumed(time_s: float) -> PoseStamped:
     message = PoseStamped(pose=pose_to_msg(pose_at(time_s)))
     message.header.frame_id, message.header.stamp = "map", time_from_s(BEGUN_S + time_s)
     return message
@@ -86,7 +86,7 @@ def ride(*, truth: bool) -> list[Item]:
     items: list[Item] = []
     for index in range(60):
         time_s = 0.1 * index
-        items.append((time_s, topics.CURRENT_POSE, believed(time_s)))
+        items.append((time_s, topics.CURRENT_POSE, assumed(time_s)))
         items.append((time_s, topics.JOINT_STATES, JointState(name=["fl_drive"], position=[12.0 * time_s])))
         if truth:
             items.append((time_s, topics.SIM_BODIES, bodies(time_s)))
@@ -94,7 +94,7 @@ def ride(*, truth: bool) -> list[Item]:
             points = np.zeros(3, XYZ)
             points["x"], points["y"] = (2.0, 2.0, 3.0), (1.0, 1.1, -1.0)
             items.append((time_s, topics.OBSTACLES, cloud_message(points, "base_link")))
-    plan = PlanMessage(poses=[believed(0.0), believed(6.0)])
+    plan = PlanMessage(poses=[assumed(0.0), assumed(6.0)])
     running = MissionStatus(state="RUNNING", current_waypoint="gate")
     return [
         *items,

@@ -49,15 +49,15 @@ def messages(everything):
 
 
 @pytest.fixture(params=["goes on"])
-def heard(messages, monkeypatch, request):
+def received(messages, monkeypatch, request):
     """Every take returns the next messages of the ride. The event is set once all of them are taken."""
     all_taken = threading.Event()
 
-    class Heard:
+    class Received:
         def __init__(self) -> None:
             self._begin = 0
 
-        def __enter__(self) -> Heard:
+        def __enter__(self) -> Received:
             return self
 
         def __exit__(self, *_: object) -> None: ...
@@ -73,7 +73,7 @@ def heard(messages, monkeypatch, request):
                     os.kill(os.getpid(), signal.SIGTERM)
             return messages[self._begin - _AT_ONCE : self._begin]
 
-    monkeypatch.setattr(map_teach, "TaughtTopics", Heard)
+    monkeypatch.setattr(map_teach, "TaughtTopics", Received)
     monkeypatch.setattr(map_teach, "_stack_runs", lambda: True)
     monkeypatch.setattr(map_teach, "ask", lambda *_, **__: {"safety": None})
     return all_taken
@@ -99,8 +99,8 @@ def ride_of(recording):
     return ride
 
 
-@pytest.mark.parametrize("heard", ["ends"], indirect=True)
-def test_taught_recording_yields_same_ride_as_full_recording(heard, folder, everything):
+@pytest.mark.parametrize("received", ["ends"], indirect=True)
+def test_taught_recording_yields_same_ride_as_full_recording(received, folder, everything):
     with pytest.raises(CommandError, match="ended; to build the map of this ride"):
         map_teach.teach_map("room", folder / "maps", None, folder / "ride", None)
     taught, whole = ride_of(folder / "ride"), ride_of(everything)
@@ -122,8 +122,8 @@ def messages_of(recording) -> list[str]:
         return [channel.topic for _, channel, _ in make_reader(file).iter_messages()]
 
 
-def test_full_disk_ends_teaching_and_keeps_recording(heard, folder, monkeypatch):
-    monkeypatch.setattr(background, "disk_use", lambda _: 1.0 if heard.is_set() else 0.5)
+def test_full_disk_ends_teaching_and_keeps_recording(received, folder, monkeypatch):
+    monkeypatch.setattr(background, "disk_use", lambda _: 1.0 if received.is_set() else 0.5)
     with pytest.raises(CommandError, match=r"recording has stopped: the disk of .* is 100% full") as refused:
         map_teach.teach_map("room", folder / "maps", (3.0, 0.0, 1.5), folder / "ride", None)
     assert f"map build {folder / 'ride'} --name room --output {folder / 'maps'} --origin 3.0 0.0 1.5" in str(
@@ -134,7 +134,7 @@ def test_full_disk_ends_teaching_and_keeps_recording(heard, folder, monkeypatch)
     assert (folder / "ride" / "growing.png").is_file()
 
 
-def test_unwritable_picture_is_reported_before_teaching(heard, folder):
+def test_unwritable_picture_is_reported_before_teaching(received, folder):
     with pytest.raises(CommandError, match=r"growing.png cannot be written: there is no folder .*nowhere"):
         map_teach.teach_map("room", folder / "maps", None, folder / "ride", folder / "nowhere" / "growing.png")
     assert not (folder / "ride").exists()
@@ -156,7 +156,7 @@ def test_why_the_robot_does_not_obey(monkeypatch, safety, words):
 
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may write everywhere")
-def test_unwritable_map_folder_is_reported_before_teaching(heard, folder):
+def test_unwritable_map_folder_is_reported_before_teaching(received, folder):
     (folder / "maps").mkdir(mode=0o500)
     with pytest.raises(CommandError, match="no right to write"):
         map_teach.teach_map("room", folder / "maps", None, folder / "ride", None)

@@ -418,8 +418,8 @@ def test_ended_engine_is_forgotten_and_found_again(story: Story):
     story.ready()
     story.engine.codes["GetDeviceName"] = ErrorCode.IMLibIsNotRunning
     story.refusals = [ErrorCode.IMLibIsNotRunning] * 3
-    told = [story.tick() for _ in range(8)]
-    assert (Stage.CONNECTING, "the motion engine has ended") in told
+    reported = [story.tick() for _ in range(8)]
+    assert (Stage.CONNECTING, "the motion engine has ended") in reported
     assert not story.engine.open
     story.engine = FakeEngine()
     story.tick(0.5)

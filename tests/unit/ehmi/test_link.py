@@ -19,7 +19,7 @@ IDLE = Shown(1, "ja", 5)
 
 
 class Story:
-    """A link and a simulated display. ``heard``: every line that the display received."""
+    """A link and a simulated display. ``received``: every line that the display received."""
 
     def __init__(self, shown: Shown = IDLE) -> None:
         self.link = Link(PARAMS, shown)

@@ -164,7 +164,7 @@ SLIPS = "wheels slip: map and wheels disagree on the motion"
 
 
 @pytest.mark.parametrize(
-    ("told", "share", "slide_mps"),
+    ("reported", "share", "slide_mps"),
     [
         pytest.param(0.5, 0.5, 0.0, id="half"),
         pytest.param(1.4, 0.0, 0.0, id="on the spot"),
@@ -172,19 +172,19 @@ SLIPS = "wheels slip: map and wheels disagree on the motion"
         pytest.param(0.0, 1.0, 0.15, id="at rest"),
     ],
 )
-def test_while_wheels_slip_the_pose_follows_the_map(told: float, share: float, slide_mps: float) -> None:
+def test_while_wheels_slip_the_pose_follows_the_map(reported: float, share: float, slide_mps: float) -> None:
     """Without slip detection, wheels that spun on the spot at 1.0 m/s moved the pose by 0.65 m, and it was lost."""
     story = ride(Pose2(-4.0, 0.0, 0.0), Pose2(-4.0, 0.0, 0.0)).drive(2.0)
     assert SLIPS not in story.estimate().faults
     story.share, story.slide_mps = share, slide_mps
     for k in range(20):
-        story.drive(0.1, Twist2(told, 0.0, 0.0))
+        story.drive(0.1, Twist2(reported, 0.0, 0.0))
         assert story.error_m() < 0.18
         assert story.localizer.slip is None or story.error_m() < 3.0 * story.estimate().position_sigma_m
         assert story.localizer.confidence is Confidence.TRACKING
         assert k < 10 or SLIPS in story.estimate().faults
     story.share, story.slide_mps = 1.0, 0.0
-    story.drive(0.3, Twist2(told, 0.0, 0.0)).drive(1.2)
+    story.drive(0.3, Twist2(reported, 0.0, 0.0)).drive(1.2)
     assert SLIPS not in story.estimate().faults
     assert story.error_m() < 0.03
 

@@ -25,13 +25,13 @@ def match_at(x_m: float, y_m: float = 0.0, sigma_m: float = 0.015, yaw_rad: floa
 def run(seconds: float, seen_mps: float, odometry_mps: float, sigma_m: float = 0.015) -> Slip | None:
     """Returns the last report. The frame of the wheels has another origin and heading."""
     witness, zero = SlipWitness(SLIP), Pose2(40.0, -7.0, 2.0)
-    told = None
+    shown = None
     for k in range(round(seconds / PERIOD_S) + 1):
         t_s = k * PERIOD_S
-        told = witness.see(
+        shown = witness.see(
             100.0 + t_s, match_at(seen_mps * t_s, sigma_m=sigma_m), zero.compose(Pose2(odometry_mps * t_s, 0, 0))
         )
-    return told
+    return shown
 
 
 def test_spinning_wheels_are_detected_within_two_sweeps() -> None:
@@ -55,11 +55,11 @@ def test_equal_distances_are_not_detected_as_slip() -> None:
 
 def test_match_noise_is_not_detected_as_slip() -> None:
     witness, random = SlipWitness(SLIP), np.random.default_rng(3)
-    told = []
+    shown = []
     for k in range(2000):
         x_m, y_m = random.normal(0.0, 0.015, 2)
-        told.append(witness.see(k * PERIOD_S, match_at(0.12 * k + x_m, y_m), Pose2(0.12 * k, 0.0, 0.0)))
-    assert sum(slip is not None for slip in told) <= 2  # of 2,000 at more than five standard deviations
+        shown.append(witness.see(k * PERIOD_S, match_at(0.12 * k + x_m, y_m), Pose2(0.12 * k, 0.0, 0.0)))
+    assert sum(slip is not None for slip in shown) <= 2  # of 2,000 at more than five standard deviations
 
 
 def test_slip_window_excludes_older_motion() -> None:

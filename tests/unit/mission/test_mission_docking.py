@@ -257,7 +257,7 @@ def test_feedback_is_a_sign_of_life(docking):
 def test_a_late_result_of_an_old_goal_is_not_taken_for_the_new_one(docking):
     old = docking.called()
     docking.command(ev.PAUSE).command(ev.RESUME).tick()
-    assert docking.calls() == [], "the old goal has not ended: the new one would be told that all is busy"
+    assert docking.calls() == [], "the old goal has not ended: the new one would receive that all is busy"
     assert "to end its present goal" in docking.status.reason
     docking.attach().ends(True, call=old)
     docking.attach(False)

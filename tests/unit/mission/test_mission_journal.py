@@ -377,10 +377,10 @@ def test_a_process_killed_while_it_writes_loses_nothing_it_has_saved(path):
             process.send_signal(signal.SIGKILL)
             rest = process.stdout.read()  # communicate would skip the data buffered by readline
             process.wait(timeout=30)
-        told = [int(text) for text in (line + rest).split("\n") if text]
+        reported = [int(text) for text in (line + rest).split("\n") if text]
         record = reopened(path)
         # The interrupted save may have completed before its number was printed.
-        assert record.failed_tries in (told[-1], told[-1] + 1)
+        assert record.failed_tries in (reported[-1], reported[-1] + 1)
         assert record.reason == f"{record.failed_tries} " * 200
         assert record.waypoint == record.failed_tries % 5
         assert [order.id for order in record.queue.orders] == [f"order {record.failed_tries}"]

@@ -52,8 +52,8 @@ def sweep(
     random = np.random.default_rng(seed)
     own = np.random.default_rng((seed, 1)).uniform(-1.0, 1.0, (2, RINGS))
     azimuth = np.linspace(math.pi, -math.pi, columns, endpoint=False)
-    believed = np.radians(np.linspace(-30.0, 15.0, RINGS))
-    a, e = np.meshgrid(azimuth, believed + np.radians(ring_bias[1] * own[1]), indexing="ij")
+    assumed = np.radians(np.linspace(-30.0, 15.0, RINGS))
+    a, e = np.meshgrid(azimuth, assumed + np.radians(ring_bias[1] * own[1]), indexing="ij")
     rays = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=-1).reshape(-1, 3)
     reach = _ground(rays, slope, hole)
     for solid in solids:
@@ -61,7 +61,7 @@ def sweep(
     seen = np.isfinite(reach) & (reach < 50.0) & (reach > 0.5) & (random.random(len(reach)) >= lost)
     reach = np.where(seen, reach, 0.0) + noise_m * random.standard_normal(len(reach))
     reach += np.tile(ring_bias[0] * own[0], columns)
-    a, e = np.meshgrid(azimuth, believed, indexing="ij")
+    a, e = np.meshgrid(azimuth, assumed, indexing="ij")
     rays = np.stack([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)], axis=-1).reshape(-1, 3)
     points = np.zeros(int(seen.sum()), SWEEP)
     for index, name in enumerate("xyz"):

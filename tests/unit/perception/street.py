@@ -35,8 +35,8 @@ def sweep(seed: int, ring_bias: tuple[float, float], aside_m: float = 0.0, colum
     random = np.random.default_rng(seed)
     own = np.random.default_rng((seed, 1)).uniform(-1.0, 1.0, (2, RINGS))
     azimuth = np.linspace(math.pi, -math.pi, columns, endpoint=False)
-    believed = np.radians(np.linspace(-30.0, 15.0, RINGS))
-    true = _rays(azimuth, believed + np.radians(ring_bias[1] * own[1]))
+    assumed = np.radians(np.linspace(-30.0, 15.0, RINGS))
+    true = _rays(azimuth, assumed + np.radians(ring_bias[1] * own[1]))
     reach = np.minimum.reduce([_strip(true, strip) for strip in _ground(aside_m)])
     for solid in _solids(aside_m):
         reach = np.minimum(reach, _box(true, solid))
@@ -45,7 +45,7 @@ def sweep(seed: int, ring_bias: tuple[float, float], aside_m: float = 0.0, colum
     seen = np.isfinite(reach) & (reach < _FAR_M) & (reach > 0.5)
     reach = np.where(seen, reach, 0.0) + 0.02 * random.standard_normal(len(reach))
     reach += np.tile(ring_bias[0] * own[0], columns)
-    points, rays = np.zeros(int(seen.sum()), SWEEP), _rays(azimuth, believed)
+    points, rays = np.zeros(int(seen.sum()), SWEEP), _rays(azimuth, assumed)
     for index, name in enumerate("xyz"):
         points[name] = (rays[:, index] * reach)[seen]
     points["ring"] = np.tile(np.arange(RINGS), columns)[seen]

@@ -115,10 +115,12 @@ def test_intermittent_readings_at_the_start_do_not_settle() -> None:
 
 
 @pytest.mark.parametrize(
-    ("contact", "heard", "contradicts"),
+    ("contact", "received", "contradicts"),
     [(PRESSED, False, True), (PRESSED, True, False), (RELEASED, False, False), (RELEASED, True, False)],
 )
-def test_only_a_pressed_button_contradicts_and_only_a_release(contact: Contact, heard: bool, contradicts: bool) -> None:
+def test_only_a_pressed_button_contradicts_and_only_a_release(
+    contact: Contact, received: bool, contradicts: bool
+) -> None:
     desk = Desk()
     desk.hold(contact)
-    assert desk.button.contradicts(heard) is contradicts
+    assert desk.button.contradicts(received) is contradicts

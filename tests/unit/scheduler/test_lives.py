@@ -149,7 +149,7 @@ def test_hung_process_is_inactive_then_resumes() -> None:
         process = stage.node("node", counter(topic))
         taken = stage.listener(topic)
         stage.talker(order)
-        heard = stage.listener(order, "hanging")
+        received = stage.listener(order, "hanging")
         stage.scheduler.at(301_000_000, process.hang, 0.55)
         stage.scheduler.at(301_000_000, stage.scheduler.processes["hanging"].hang, 0.5)
         for number in range(4):
@@ -158,7 +158,7 @@ def test_hung_process_is_inactive_then_resumes() -> None:
         held_up = stage.port("node").report_values()["held up"]
         assert stage.port("hanging").report_values() == {}  # without a timer the hang is not detected
     assert [at for at, _ in taken] == [214.0, 855.0, 914.0]  # resumes at 851, then keeps its schedule
-    assert heard == [(801.0, 2), (801.0, 3)]
+    assert received == [(801.0, 2), (801.0, 3)]
     assert held_up == "1 times, last 0.54 s"
     assert [item for item in changes.seen if item[1] == "node"] == [
         (10, "node", LifeChange.STARTED),

@@ -49,20 +49,20 @@ def test_state_lies_in_the_results_and_nothing_stays_in_memory(
     assert launch.home == folder
     assert launch.environment()["XDG_STATE_HOME"] == str(folder / "state")
     assert not state_shadow_dir(launch.environment()).exists()
-    told = capsys.readouterr().err
-    assert "demo: not ready: sim_world" in told
-    assert "recording: none" in told
-    assert "run it again" in told
+    reported = capsys.readouterr().err
+    assert "demo: not ready: sim_world" in reported
+    assert "recording: none" in reported
+    assert "run it again" in reported
 
 
 def test_a_failure_names_its_recording(tmp_path: Path) -> None:
     (tmp_path / "recording").mkdir()
     (tmp_path / "recording" / "recording_0.mcap").touch()
     (tmp_path / "logs").mkdir()
-    told = demo._evidence(tmp_path)
-    assert f"recording: {tmp_path / 'recording'}" in told
-    assert f"robot-stack film {tmp_path / 'recording'}" in told
-    assert str(tmp_path / "logs" / "latest") in told
+    reported = demo._evidence(tmp_path)
+    assert f"recording: {tmp_path / 'recording'}" in reported
+    assert f"robot-stack film {tmp_path / 'recording'}" in reported
+    assert str(tmp_path / "logs" / "latest") in reported
 
 
 def test_demo_beside_running_stack_reports_error_with_advice(
@@ -73,10 +73,10 @@ def test_demo_beside_running_stack_reports_error_with_advice(
 
     monkeypatch.setattr(client, "refuse_second", refuse)
     assert demo.main() == 1
-    told = capsys.readouterr().err
-    assert "already running in ROS domain 7" in told
-    assert "`launch_scripts/stack down`" in told
-    assert "ROS_DOMAIN_ID=N" in told
+    reported = capsys.readouterr().err
+    assert "already running in ROS domain 7" in reported
+    assert "`launch_scripts/stack down`" in reported
+    assert "ROS_DOMAIN_ID=N" in reported
     assert not (tmp_path / "results").exists()
 
 

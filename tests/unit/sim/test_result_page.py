@@ -51,8 +51,8 @@ class Reader(HTMLParser):
 def test_result_page_contains_ride_figures() -> None:
     read = Reader(result_page(RESULT, "film.gif"))
     assert read.pictures == ["map.png", "film.gif", "course.png"]
-    for told in ("Short <hop>", "12.3 m", "1 min 15 s", "0.8 mm, 0.05°", "waiting 3 s", "bay & home", "nothing"):
-        assert told in read.text
+    for reported in ("Short <hop>", "12.3 m", "1 min 15 s", "0.8 mm, 0.05°", "waiting 3 s", "bay & home", "nothing"):
+        assert reported in read.text
 
 
 def test_result_page_omits_missing_sections() -> None:

@@ -177,8 +177,8 @@ def test_monitors_get_all_other_processes_as_expected_processes() -> None:
     plan = load_plan("sim")
     names = [process.name for process in plan.processes]
     for monitor in ("safety_monitor", "system_monitor"):
-        told = plan.parameters[monitor]["expected_processes"]
-        assert told == [name for name in names if name != monitor]
+        reported = plan.parameters[monitor]["expected_processes"]
+        assert reported == [name for name in names if name != monitor]
 
 
 def test_other_speed_puts_every_node_on_the_clock(tmp_path: Path) -> None:

@@ -82,18 +82,18 @@ def test_sections_are_json_whatever_is_unknown() -> None:
             markers=(Marker(1, "front_camera", nan, nan, 0.0, 1.0),),
         ),
     ):
-        told = [view.sections(snapshot), view.plan_section(snapshot), view.marker_section(snapshot)]
-        json.dumps(told, allow_nan=False)
+        reported = [view.sections(snapshot), view.plan_section(snapshot), view.marker_section(snapshot)]
+        json.dumps(reported, allow_nan=False)
 
 
 def test_orders_are_told_with_their_times_and_what_holds_them() -> None:
     waiting = Order("b", "tour", "fleet", 200, 1_700_000_000.4, True)
     queue = Queue("BATTERY_LOW", "queue held: " + "x" * 999, (waiting,), Order("a", "hop", "cli", 100, 0.0))
-    told = view.sections(replace(WELL, queue=queue))["queue"]
-    assert (told["known"], told["held_by"], len(told["reason"])) == (True, "BATTERY_LOW", 300)
+    reported = view.sections(replace(WELL, queue=queue))["queue"]
+    assert (reported["known"], reported["held_by"], len(reported["reason"])) == (True, "BATTERY_LOW", 300)
     order = {"id": "b", "mission": "tour", "origin": "fleet", "priority": 200, "earliest_s": 1_700_000_000.0}
-    assert told["orders"] == [{**order, "open": True}]
-    assert (told["current"]["earliest_s"], told["current"]["open"], told["paused_by"]) == (None, False, "")
+    assert reported["orders"] == [{**order, "open": True}]
+    assert (reported["current"]["earliest_s"], reported["current"]["open"], reported["paused_by"]) == (None, False, "")
     assert view.sections(WELL)["queue"]["known"] is False
 
 
@@ -106,13 +106,13 @@ def test_a_pause_of_the_fleet_says_so(paused_by: str, reason: str) -> None:
 
 
 def test_time_of_arrival_comes_in_steps() -> None:
-    def told(eta_s: float) -> int | None:
+    def reported(eta_s: float) -> int | None:
         eta = view.sections(replace(WELL, ride=replace(RIDE, eta_s=eta_s)))["ride"]["eta_s"]
         return None if eta is None else int(eta)
 
-    assert [told(value) for value in (0.0, 1.0, 5.0, 59.0, 61.0, 3599.0)] == [0, 5, 5, 60, 75, 3600]
-    assert told(math.nan) is None
-    assert told(-1.0) is None
+    assert [reported(value) for value in (0.0, 1.0, 5.0, 59.0, 61.0, 3599.0)] == [0, 5, 5, 60, 75, 3600]
+    assert reported(math.nan) is None
+    assert reported(-1.0) is None
 
 
 def test_a_long_plan_is_thinned_and_keeps_its_end() -> None:

@@ -310,7 +310,7 @@ class TestDeadClients:
             device.watchdog_ms = 1000
         engine.api._channel._socket.close()  # type: ignore[attr-defined]
         wait_for(lambda: engine_state(harness.folder) is EngineState.Idle, "the engine to end")
-        assert not harness.drives.servo_on.any(), "the drives are told to switch off"
+        assert not harness.drives.servo_on.any(), "the drives are commanded to switch off"
 
 
 def test_a_locked_close_leaves_the_device_open(harness: ThreadHarness) -> None:

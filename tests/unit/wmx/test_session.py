@@ -147,21 +147,23 @@ def test_dead_engine_is_closed_and_reopened(engine: FakeEngine) -> None:
 
 
 def test_events_report_failed_opened_and_lost_device(engine: FakeEngine) -> None:
-    told: list[object] = []
+    reported: list[object] = []
     events = Events(
-        lambda _: told.append("opened"), lambda error, n: told.append((error.code, n)), lambda: told.append("lost")
+        lambda _: reported.append("opened"),
+        lambda error, n: reported.append((error.code, n)),
+        lambda: reported.append("lost"),
     )
     refusing = Refusing(ErrorCode.ReachMaxChannelNumber)
-    session = session_with(lambda: refusing() if len(told) < 2 else engine, events=events)
+    session = session_with(lambda: refusing() if len(reported) < 2 else engine, events=events)
     session.poll(10.0)
     session.poll(12.0)
-    assert told == [(ErrorCode.ReachMaxChannelNumber, 1), (ErrorCode.ReachMaxChannelNumber, 2)]
+    assert reported == [(ErrorCode.ReachMaxChannelNumber, 1), (ErrorCode.ReachMaxChannelNumber, 2)]
     assert session.poll(14.0)
     assert session.call(lambda engine: ErrorCode.SystemError) == ErrorCode.SystemError
     assert session.call(lambda engine: ErrorCode.DeviceIsNull) == ErrorCode.DeviceIsNull
-    assert told[2:] == ["opened", "lost"]
+    assert reported[2:] == ["opened", "lost"]
     assert session.call(lambda engine: 0) == ErrorCode.DeviceIsNull
-    assert told[2:] == ["opened", "lost"], "once"
+    assert reported[2:] == ["opened", "lost"], "once"
 
 
 # --- a thread of its own

@@ -138,12 +138,12 @@ class TestDevice:
     def test_failed_attempts_are_logged_five_times_then_retried_silently(self, rig: Rig) -> None:
         rig.refusals = [297, 263, 297, 263, 297, 263, 263]
         rig.start()
-        told = [line for line in rig.log.lines if "attempt" in line]
-        assert [line.split()[0] for line in told] == ["warning"] * 4 + ["error"]
-        assert "attempt 1 of 5: lock contention" in told[0]
-        assert "attempt 2 of 5" in told[1]
-        assert "lock contention" not in told[1]
-        assert "retries" in told[4]
+        reported = [line for line in rig.log.lines if "attempt" in line]
+        assert [line.split()[0] for line in reported] == ["warning"] * 4 + ["error"]
+        assert "attempt 1 of 5: lock contention" in reported[0]
+        assert "attempt 2 of 5" in reported[1]
+        assert "lock contention" not in reported[1]
+        assert "retries" in reported[4]
         assert rig.opened == 8
 
     def test_everything_is_answered_without_a_device(self, rig: Rig) -> None:
@@ -457,9 +457,9 @@ class TestMotion:
         for number in range(200):
             rig.move(rig.session.motion.go_to, [POS], [1.0], [1.0], [-0.5 - 0.001 * number], [9.0])
         wait_for(lambda: rig.session.refused == 200, "refusals")
-        told = [line for line in rig.log.lines if "refused" in line]
-        assert 1 <= len(told) < 20
-        assert told[0] == "error topic refused: dec[0] is -0.5: it must be above 0"
+        reported = [line for line in rig.log.lines if "refused" in line]
+        assert 1 <= len(reported) < 20
+        assert reported[0] == "error topic refused: dec[0] is -0.5: it must be above 0"
 
     def test_relative_over_a_running_motion_counts_from_where_the_axis_is(self, rig: Rig) -> None:
         onlooker = rig.up()

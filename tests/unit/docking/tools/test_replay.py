@@ -49,7 +49,7 @@ LOST_MARKERS: list[Step] = [
 ]
 
 
-def tell(story: Story, steps: list[Step]) -> Story:
+def send(story: Story, steps: list[Step]) -> Story:
     for step in steps:
         if isinstance(step, dict):
             for name, value in step.items():
@@ -101,7 +101,7 @@ def tell(story: Story, steps: list[Step]) -> Story:
 def test_failures_are_named_with_their_causes(
     story: Story, steps: list[Step], verdict: str, further: str | None
 ) -> None:
-    (docking,) = dockings(tell(story, steps).close())
+    (docking,) = dockings(send(story, steps).close())
     assert not docking["success"]
     assert docking["verdict"].startswith(verdict)
     if further is not None:
@@ -199,7 +199,7 @@ def test_replay_lists_messages_of_other_nodes_during_docking(story):
 
 
 def test_two_dockings_and_an_undocking(story):
-    tell(story, LOST_MARKERS)
+    send(story, LOST_MARKERS)
     story.markers, story.error_m = 4, 1.0
     success(story)
     story.run("SERVOING", 3.0)  # backs off from the opened latch
@@ -212,7 +212,7 @@ def test_two_dockings_and_an_undocking(story):
 @pytest.mark.parametrize("share", [0.25, 0.4])
 def test_truncated_recording_is_evaluated_up_to_damage(story, tmp_path, share):
     story.chunk_bytes = 5_000
-    tell(story, LOST_MARKERS)
+    send(story, LOST_MARKERS)
     story.close()
     (file,) = story.folder.glob("*.mcap")
     os.truncate(file, int(share * file.stat().st_size))
@@ -227,7 +227,7 @@ def test_truncated_recording_is_evaluated_up_to_damage(story, tmp_path, share):
 
 def test_pictures_text_and_numbers(tmp_path, capsys):
     story = Story(tmp_path / "ride", images=True)
-    tell(story, LOST_MARKERS)
+    send(story, LOST_MARKERS)
     replay_recording(story.close(), tmp_path / "pictures", tmp_path / "numbers.json")
     shown = capsys.readouterr().out
     assert "docking 1: chair_1, 2023-11-14 22:13:21 UTC, 14.0 s, 1 try" in shown
@@ -274,7 +274,7 @@ def test_no_docking_in_it(story, tmp_path):
 
 
 def test_an_output_that_cannot_be_written(story, tmp_path):
-    tell(story, LOST_MARKERS)
+    send(story, LOST_MARKERS)
     assert "/proc/pictures cannot be written" in refusal(story.close(), Path("/proc/pictures"))
     (tmp_path / "file").touch()
     assert "cannot be written: File exists" in refusal(story.folder, tmp_path / "file")

@@ -51,8 +51,8 @@ def test_the_edges_of_the_calibrated_camera_are_elsewhere() -> None:
     camera = true_camera()
     base = BOARD @ place(-0.95, 0.0, 0.0)
     picture = renderer(camera, sharp()).render(Motion.still(base, {"chair_1": BOARD}))
-    believed = type(camera)(camera.frame, calibrated(), NOMINAL)
-    errors = edge_errors(picture, [project_on(believed, side, BOARD, base) for side in marker_sides(0)])
+    assumed = type(camera)(camera.frame, calibrated(), NOMINAL)
+    errors = edge_errors(picture, [project_on(assumed, side, BOARD, base) for side in marker_sides(0)])
     assert np.abs(errors).mean() > 0.2
 
 
@@ -68,13 +68,13 @@ def test_rays_are_the_inverse_of_the_projection() -> None:
 
 
 def test_a_true_camera_is_within_the_tolerances_and_drawn_from_its_seed() -> None:
-    limits, believed = PARAMS.tolerances, calibrated()
+    limits, assumed = PARAMS.tolerances, calibrated()
     cameras = [true_camera(seed) for seed in range(12)]
     for camera in cameras:
         true = camera.intrinsics
-        assert abs(true.fx / believed.fx - 1.0) <= limits.focal_length
-        assert abs(true.cx - believed.cx) <= limits.principal_point_px
-        assert abs(true.cy - believed.cy) <= limits.principal_point_px
+        assert abs(true.fx / assumed.fx - 1.0) <= limits.focal_length
+        assert abs(true.cx - assumed.cx) <= limits.principal_point_px
+        assert abs(true.cy - assumed.cy) <= limits.principal_point_px
         assert np.linalg.norm(camera.mounting[:3, 3] - NOMINAL[:3, 3]) == pytest.approx(limits.position_m)
         turn = camera.mounting[:3, :3].T @ NOMINAL[:3, :3]
         angle = np.arccos(min(1.0, 0.5 * (np.trace(turn) - 1.0)))

@@ -38,7 +38,7 @@ class Story:
         assert self.wait(self.params.boot_s + 0.1) == ["READY"]
         return self
 
-    def tell(self, *texts: str) -> list[str]:
+    def send(self, *texts: str) -> list[str]:
         for text in texts:
             self.firmware.receive(codec.encode(text), self.now_s)
         return self.wait(0.1)
@@ -50,15 +50,15 @@ class Story:
 
 def test_it_answers_with_an_echo_within_the_time_of_the_contract():
     story = Story()
-    assert story.tell("STATE 2") == [], "not ready"
+    assert story.send("STATE 2") == [], "not ready"
     story.ready()
-    assert story.tell("LANG zh", "VOL 3", "STATE 25", "PING") == ["OK LANG zh", "OK VOL 3", "OK STATE 25", "OK PING"]
+    assert story.send("LANG zh", "VOL 3", "STATE 25", "PING") == ["OK LANG zh", "OK VOL 3", "OK STATE 25", "OK PING"]
     assert (story.shown.state, story.shown.language, story.shown.volume) == (25, "zh", 3)
     since_s = story.shown.since_s
-    story.tell("STATE 25", "LANG ja")
+    story.send("STATE 25", "LANG ja")
     assert story.shown.since_s == since_s, "the animation is not restarted"
     story.firmware.troubles.late_s = 0.5
-    assert story.tell("PING") == []
+    assert story.send("PING") == []
     assert story.wait(0.5) == ["OK PING"]
     story.firmware.troubles.late_s = 0.0
     story.firmware.power_on(story.now_s)
@@ -68,7 +68,7 @@ def test_it_answers_with_an_echo_within_the_time_of_the_contract():
 
 def test_unknown_command_and_bad_checksum_are_answered_with_error():
     story = Story().ready()
-    assert story.tell("STATE 11") == ["ERROR unknown command"]
+    assert story.send("STATE 11") == ["ERROR unknown command"]
     story.firmware.receive(b"STATE 2*00\n", story.now_s)
     assert story.wait(0.1) == ["ERROR not a line"]
     assert story.shown.state == 0
@@ -76,16 +76,16 @@ def test_unknown_command_and_bad_checksum_are_answered_with_error():
 
 def test_a_host_that_falls_silent_leaves_no_promise():
     story = Story().ready()
-    story.tell("STATE 2")
+    story.send("STATE 2")
     story.wait(2.5)
     assert story.shown.state == 2
     story.wait(0.6)
     assert story.shown.state == 5
-    story.tell("PING", "LANG en")
+    story.send("PING", "LANG en")
     assert story.shown.state == 5, "a host that is back has not said yet that it still drives"
-    story.tell("STATE 2")
+    story.send("STATE 2")
     assert story.shown.state == 2
-    story.tell("STATE 0")
+    story.send("STATE 0")
     story.wait(10.0)
     assert story.shown.state == 0
 
@@ -102,12 +102,12 @@ def test_fault_is_repeated_and_end_of_fault_is_sent_three_times():
 def test_troubles_give_no_answer_that_counts(trouble):
     story = Story().ready()
     setattr(story.firmware.troubles, trouble, True)
-    answers = story.tell("STATE 2")
+    answers = story.send("STATE 2")
     assert story.shown.state == 2, "it hears"
     assert (trouble == "garbage") == ("OK STATE 2" in answers) or trouble == "garbage"
     setattr(story.firmware.troubles, trouble, False)
-    story.tell("PING")
-    assert "OK PING" in story.tell("PING", "PING")
+    story.send("PING")
+    assert "OK PING" in story.send("PING", "PING")
 
 
 def test_noise_changes_about_its_share_of_the_bytes():
@@ -115,6 +115,6 @@ def test_noise_changes_about_its_share_of_the_bytes():
     story.firmware.troubles.noise = 0.1
     story.sent = b""
     for _ in range(200):
-        story.tell("PING")
+        story.send("PING")
     assert story.decoder.rejected.total() > 50
     assert story.firmware.commands < 190

@@ -30,14 +30,14 @@ class Sent:
     def __init__(self) -> None:
         self.items: list[tuple[str, bytes]] = []
 
-    def sender(self, name: str, *, heard: bool = True) -> Any:
-        return SimpleNamespace(send=lambda data: self.items.append((name, data)), has_subscribers=heard)
+    def sender(self, name: str, *, received: bool = True) -> Any:
+        return SimpleNamespace(send=lambda data: self.items.append((name, data)), has_subscribers=received)
 
 
 def node(sent: Sent, *, without: tuple[str, ...] = (), unheard: tuple[str, ...] = (), isaac_stamp: bool = False) -> Any:
     """Returns the parts of the node that a tick needs."""
     senders = (
-        None if name in without else sent.sender(name, heard=name not in unheard)
+        None if name in without else sent.sender(name, received=name not in unheard)
         for name in ("encoder", "isaac", "gazebo")
     )
     return SimpleNamespace(
