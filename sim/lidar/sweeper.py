@@ -71,7 +71,3 @@ class Sweeper:
         others = {name: track for name, track in tracks.items() if name != BASE}
         share = (number - 1) % self._parts, self._parts
         return self.lidar.share(tracks[BASE], end_s, share, others, conditions, out)
-
-    def take(self, number: int, end_s: float, conditions: Conditions = CLEAR, out: Points | None = None) -> Sweep:
-        """``measure`` with the motion of the bodies so far."""
-        return self.measure(self.tracks(), number, end_s, conditions, out)

@@ -1,4 +1,4 @@
-"""Half sweeps as poses arrive, in a running world and by hand, and the sensor's faults."""
+"""Half sweeps as poses arrive, and the sensor's faults."""
 
 from __future__ import annotations
 
@@ -7,18 +7,13 @@ import math
 import numpy as np
 import pytest
 
-from robot_stack.core.geometry import Pose2
-from sim.lidar import labels
 from sim.lidar.faults import KINDS, LidarFaults
-from sim.lidar.in_world import WorldLidar
 from sim.lidar.sensor import CLEAR, Conditions
 from sim.lidar.sun import Sun
 from sim.lidar.sweeper import Sweeper
 from sim.lidar.weather import Weather
-from sim.plant.world import Setup, World
-from sim.worldfile import load_world
 
-from .scenes import ROBOT, SIM, exact, lidar, pose, world
+from .scenes import exact, lidar, pose, world
 
 COLUMNS = 64
 
@@ -36,7 +31,7 @@ def test_half_sweeps_end_at_even_spaces_whatever_the_poses_do() -> None:
             ends.append(due)
             assert due[1] <= 5.0 + 0.02 * k + 1e-3, "never before its last column has fired"
             assert 5.0 + 0.02 * k - due[1] < 0.0102
-            half = mine.take(*due)
+            half = mine.measure(mine.tracks(), *due)
             assert half.stamp_s == due[1]
             assert math.copysign(1.0, float(np.median(half.points["y"]))) == (1.0 if due[0] % 2 else -1.0)
     assert [number for number, _ in ends] == list(range(1, 80))
@@ -57,30 +52,6 @@ def test_sweeper_skips_gap_and_restarts_on_clock_set_back() -> None:
     assert mine.due() == (1, pytest.approx(0.55))
     with pytest.raises(KeyError):
         mine.add(0.6, {"wheelchair": np.eye(4)})
-
-
-def test_a_running_world_has_a_lidar() -> None:
-    """A person walks nearby and a chair is attached: both appear where the world has them."""
-    setup = Setup(
-        load_world("yard"), 0, Pose2(18.0, -0.8, 0.0), attached_at_start=True, passenger_mass_kg=70.0, people=True
-    )
-    physics = World(ROBOT, SIM, setup)
-    sensor = WorldLidar(physics, exact(480), seed=0)
-    halves, turns = [], []
-    for _ in range(260):
-        physics.step()
-        found = sensor.step()
-        if found is not None:
-            halves.append(found.half.stamp_s)
-            turns += [found.turn] if found.turn is not None else []
-    assert np.allclose(np.diff(halves), 0.05)
-    assert len(turns) == len(halves) // 2
-    turn = turns[-1]
-    eva = dict(physics.bodies())["person_eva"]
-    places = np.c_[turn.points["x"], turn.points["y"]] + (18.0 + 0.2, -0.8)
-    seen = places[turn.labels == labels.PERSON]
-    assert np.linalg.norm(seen - eva[:2], axis=1).min() < 0.35
-    assert (turn.labels == labels.CHAIR).sum() > 500
 
 
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.name)
