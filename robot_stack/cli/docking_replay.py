@@ -9,7 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from robot_stack.cli.errors import CommandError, writing
-from robot_stack.cli.recordings import read_messages, recording_files
+from robot_stack.cli.recordings import read_all, recording_files
+from robot_stack.cli.tables import progress_bar
 from robot_stack.contract import topics
 from robot_stack.core.config import load
 from robot_stack.core.docks import load_docks
@@ -55,14 +56,12 @@ def collect(files: Sequence[Path], params: DockingParams) -> tuple[list[Trace], 
     # The controller closes the latch, waits for its contact, and then evaluates one more sighting of the board.
     collector = Collector(Waits(latch_s=latch.confirm_timeout_s + latch.learn_s + 1.0))
     damages = []
-    with _Progress(files) as progress:
-        for file in files:
-            for item in read_messages(file, TOPICS, progress):
-                if isinstance(item, str):
-                    damages.append(item)
-                else:
-                    collector.feed(item.topic, item.at_s, item.decode)
-            progress.next(file)
+    with progress_bar("reading") as progress:
+        for item in read_all(files, TOPICS, progress):
+            if isinstance(item, str):
+                damages.append(item)
+            else:
+                collector.feed(item.topic, item.at_s, item.decode)
     traces = collector.finish()
     if not traces:
         found = f"{collector.statuses} messages" if collector.statuses else "nothing"
@@ -79,32 +78,6 @@ def limits_of(params: DockingParams) -> Limits:
         silent_s=topics.FRONT_IMAGE.stale_s or params.detections_timeout_s,
         jump_m=params.target.jump_m,
     )
-
-
-class _Progress:
-    """A progress bar on a terminal; no output elsewhere."""
-
-    def __init__(self, files: Sequence[Path]) -> None:
-        from rich.console import Console
-        from rich.progress import Progress
-
-        self._bar = Progress(console=Console(stderr=True), transient=True, disable=not sys.stderr.isatty())
-        self._task = self._bar.add_task("reading", total=sum(file.stat().st_size for file in files))
-        self._before = 0
-
-    def __enter__(self) -> _Progress:
-        self._bar.start()
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._bar.stop()
-
-    def __call__(self, position: int) -> None:
-        self._bar.update(self._task, completed=self._before + position)
-
-    def next(self, file: Path) -> None:
-        self._before += file.stat().st_size
-        self(0)
 
 
 def _draw(folder: Path, number: int, trace: Trace, limits: Limits, verdict: str, marker_size_m: float) -> list[str]:

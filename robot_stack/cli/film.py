@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from robot_stack.film.tracks import Story
 
 _FORMATS = (".gif", ".mp4")
-Progress = Callable[[int, int], None]
 
 
 def film(
@@ -62,8 +60,9 @@ def make_film(
 ) -> None:
     """Writes the files and prints their paths. Raises CommandError, ConfigError."""
     from robot_stack.cli.film_recording import read_story
+    from robot_stack.cli.tables import progress_bar
 
-    with _progress("reading") as show:
+    with progress_bar("reading") as show:
         story, warnings = read_story(recording, params.sample_hz, show)
     for warning in warnings:
         typer.echo(warning, err=True)
@@ -94,9 +93,10 @@ def _film(story: Story, params: FilmParams, map_name: str | None) -> Film:
 
 def _pictures(film: Film) -> list[Any]:
     from robot_stack.cli.film_files import Lettering
+    from robot_stack.cli.tables import progress_bar
 
     lettering, pictures = Lettering(), []
-    with _progress("drawing") as report:
+    with progress_bar("drawing") as report:
         for index, (time_s, picture) in enumerate(film.frames()):
             clock = f"{int(time_s) // 60}:{int(time_s) % 60:02d}"
             pictures.append(lettering.write(picture, film.caption(index), clock))
@@ -114,15 +114,3 @@ def _save(files: list[Path], pictures: list[Any], params: FilmParams) -> None:
                 save_gif(file, pictures, params.frame_hz, params.gif_colours)
             else:
                 save_mp4(file, pictures, params.frame_hz)
-
-
-@contextmanager
-def _progress(what: str) -> Iterator[Progress]:
-    """A progress bar on a terminal; no output elsewhere."""
-    from rich.progress import Progress as Bar
-
-    from robot_stack.cli.tables import console
-
-    with Bar(console=console(), transient=True, disable=not console().is_terminal) as bar:
-        task = bar.add_task(what, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.cli.errors import WRONG_USE, CommandError
-from robot_stack.cli.recordings import Recorded, read_messages, recording_files
+from robot_stack.cli.recordings import Recorded, read_all, recording_files
 from robot_stack.contract import frames, topics
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2, planar_pose
@@ -30,21 +29,12 @@ def read_story(path: Path, sample_hz: float, progress: Callable[[int, int], None
     """(the ride, errors of the files). progress: called with (bytes read, total bytes). Raises CommandError."""
     reader = _Reader(sample_hz)
     warnings: list[str] = []
-    files = recording_files(path)
-    sizes = [file.stat().st_size for file in files]
-    for index, file in enumerate(files):
-        report = partial(_report, progress, sum(sizes[:index]), sum(sizes))
-        for item in read_messages(file, reader.topics, report):
-            if isinstance(item, str):
-                warnings.append(item)
-            else:
-                reader.take(item)
-    progress(sum(sizes), sum(sizes))
+    for item in read_all(recording_files(path), reader.topics, progress):
+        if isinstance(item, str):
+            warnings.append(item)
+        else:
+            reader.take(item)
     return reader.story(path), warnings
-
-
-def _report(progress: Callable[[int, int], None], before: int, total: int, at: int) -> None:
-    progress(before + at, total)
 
 
 class _Reader:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from robot_stack.cli.errors import WRONG_USE, CommandError
-from robot_stack.cli.recordings import Recorded, read_messages, recording_files
+from robot_stack.cli.recordings import Recorded, read_all, recording_files
 from robot_stack.contract import topics
 from robot_stack.core.config import read_yaml
 from robot_stack.core.geometry import planar_pose, tilt_from_quaternion
@@ -65,16 +65,7 @@ def messages(path: Path, names: Collection[str], progress: Callable[[int, int], 
     if _is_sqlite(path):
         yield from _rosbag(path, names, progress)
         return
-    files = recording_files(path)
-    total, before = sum(file.stat().st_size for file in files), 0
-    for file in files:
-        yield from read_messages(file, names, partial(_shifted, progress, before, total))
-        before += file.stat().st_size
-        progress(before, total)
-
-
-def _shifted(progress: Callable[[int, int], None], before: int, total: int, position: int) -> None:
-    progress(before + position, total)
+    yield from read_all(recording_files(path), names, progress)
 
 
 def _is_sqlite(path: Path) -> bool:

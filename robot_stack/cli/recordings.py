@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -43,6 +43,17 @@ def recording_files(path: Path) -> list[Path]:
     except OSError as error:
         raise CommandError(f"{path} cannot be read: {error.strerror or error}", WRONG_USE) from None
     return files
+
+
+def read_all(
+    files: Sequence[Path], topics: Collection[str], progress: Callable[[int, int], None]
+) -> Iterator[Recorded | str]:
+    """``read_messages`` of all files in turn. progress: called with (bytes read, total bytes)."""
+    total, before = sum(file.stat().st_size for file in files), 0
+    for file in files:
+        yield from read_messages(file, topics, lambda position, before=before: progress(before + position, total))  # type: ignore[misc]
+        before += file.stat().st_size
+        progress(before, total)
 
 
 def read_messages(path: Path, topics: Collection[str], progress: Callable[[int], None]) -> Iterator[Recorded | str]:

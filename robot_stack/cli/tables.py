@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import Literal
 
 from rich.box import SIMPLE_HEAD
@@ -18,6 +19,17 @@ Column = tuple[str, Literal["left", "right"]]
 def console() -> Console:
     """A console on standard output, with a fixed width for a pipe."""
     return Console() if sys.stdout.isatty() else Console(width=WIDTH)
+
+
+@contextmanager
+def progress_bar(what: str) -> Iterator[Callable[[int, int], None]]:
+    """Call it with (done, total). A bar on a terminal; no output elsewhere."""
+    from rich.progress import Progress
+
+    shown = Console(stderr=True)
+    with Progress(console=shown, transient=True, disable=not shown.is_terminal) as bar:
+        task = bar.add_task(what, total=None)
+        yield lambda done, total: bar.update(task, completed=done, total=total)
 
 
 def table(title: str, columns: Sequence[Column]) -> Table:
