@@ -55,7 +55,7 @@ class _Reader:
         self._periods = {row.name: 1.0 / sample_hz for row in _OFTEN} | {topics.OBSTACLES.name: 1.0 / _OBSTACLES_HZ}
         self._due: dict[str, float] = {}
         self._tracks: dict[str, list[tuple[float, Pose2]]] = {}
-        self._believed: list[tuple[float, Pose2]] = []
+        self._estimated: list[tuple[float, Pose2]] = []
         self._joints: list[tuple[float, dict[str, float]]] = []
         self._attached: list[tuple[float, bool]] = []
         self._plans: list[tuple[float, NDArray[np.float64]]] = []
@@ -73,7 +73,7 @@ class _Reader:
     def story(self, path: Path) -> Story:
         """Raises CommandError if the recording lacks the robot's pose."""
         truth = self._tracks.pop(frames.BASE_LINK, [])
-        robot = truth or self._believed
+        robot = truth or self._estimated
         if len(robot) < 2:
             names = f"{topics.CURRENT_POSE.name} or {topics.SIM_BODIES.name}"
             raise CommandError(f"{path}: contains no ride: no message on {names}", WRONG_USE)
@@ -100,7 +100,7 @@ class _Reader:
             self._tracks.setdefault(item.child_frame_id, []).append((at_s, pose))
 
     def _pose(self, at_s: float, message: Any) -> None:
-        self._believed.append((at_s, planar_pose(message.pose.position, message.pose.orientation)))
+        self._estimated.append((at_s, planar_pose(message.pose.position, message.pose.orientation)))
 
     def _joint_states(self, at_s: float, message: Any) -> None:
         self._joints.append((at_s, dict(zip(message.name, message.position, strict=False))))

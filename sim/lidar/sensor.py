@@ -91,11 +91,11 @@ class Lidar:
         self._random = random
         start = math.radians(beams.start_azimuth_deg)
         self._azimuths: F64 = start - 2.0 * np.pi * np.arange(beams.columns) / beams.columns
-        self._believed: F64 = np.radians(np.linspace(beams.lowest_deg, beams.highest_deg, beams.rings))
+        self._nominal: F64 = np.radians(np.linspace(beams.lowest_deg, beams.highest_deg, beams.rings))
         own = np.random.default_rng((seed, _OF_RINGS))  # other numbers than those of mounting and noise
         self._biases_m: F64 = params.ranging.range_bias_m * own.uniform(-1.0, 1.0, beams.rings)
         off_deg = params.ranging.elevation_bias_deg * own.uniform(-1.0, 1.0, beams.rings)
-        self._elevations: F64 = self._believed + np.radians(off_deg)
+        self._elevations: F64 = self._nominal + np.radians(off_deg)
         self._normals = random.standard_normal(_bank_size(beams.columns * beams.rings), dtype=np.float32)
         self._uniforms = random.random(len(self._normals), dtype=np.float32)
         self._model = _model(params)
@@ -185,7 +185,7 @@ class Lidar:
         skip = int(self._random.integers(0, len(self._normals) - 3 * count - 3))
         used = model.returns(
             self._azimuths[first:last],
-            self._believed,
+            self._nominal,
             self._biases_m,
             times,
             ranges,
