@@ -41,10 +41,18 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--fast", action="store_true", help=f"leave out the modules that are listed in {_SLOW.name}")
 
 
+def _is_slow(path: Path) -> bool:
+    return str(path.relative_to(_SLOW.parents[1])) in _SLOW.read_text(encoding="utf-8").split()
+
+
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    if not config.getoption("fast"):
-        return None
-    return str(collection_path.relative_to(_SLOW.parents[1])) in _SLOW.read_text(encoding="utf-8").split() or None
+    return (config.getoption("fast") and _is_slow(collection_path)) or None
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Slow modules first, so that no worker is left alone with one at the end."""
+    slow = {path for path in {item.path for item in items} if _is_slow(path)}
+    items.sort(key=lambda item: item.path not in slow)
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -15,16 +15,17 @@ run_tests() {
   python -m pytest -o cache_dir=".pytest_cache/$1" ${junit:+--junitxml="$junit/$1.xml"} "${@:2}"
 }
 
-# One after the other. The scheduled tests give the same result at any load, but would slow the pages of the touch screen.
+# One after the other, each with its slow modules (tests/slow.txt) first. The scheduled tests give the same result at any
+# load, but would slow the pages of the touch screen.
 all_tests() {
   local failed=()
-  # Node tests mostly wait: three files at a time, whichever worker is free takes the next.
-  run_tests nodes tests/nodes tests/ui --numprocesses 3 --dist loadfile || failed+=(nodes)
+  # Node tests mostly wait: four files at a time, whichever worker is free takes the next.
+  run_tests nodes tests/nodes tests/ui --numprocesses 4 --dist loadfile --no-loadscope-reorder || failed+=(nodes)
   # Whole robots and single nodes on the deterministic scheduler. Each worker makes the shared begins of its files.
   run_tests simulated tests/simulated --numprocesses 2 --dist loadfile --no-loadscope-reorder || failed+=(simulated)
   # What only real processes can show, each a whole robot and its world, which need both cores.
   run_tests scenarios tests/scenarios || failed+=(scenarios)
-  # What computes, the longest first. The safety kernel's own tests run under coverage in tests/mutation.
+  # What computes. The safety kernel's own tests run under coverage in tests/mutation.
   run_tests kernels tests/mutation tests/setup tests/contract tests/unit --ignore=tests/unit/safety \
     --numprocesses 2 --dist loadfile --no-loadscope-reorder || failed+=(kernels)
   ((${#failed[@]} == 0)) || { echo "== tests: FAILED in ${failed[*]}" && return 1; }
