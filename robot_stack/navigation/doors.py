@@ -19,7 +19,7 @@ from robot_stack.core.doors import wait_text
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.robot import Footprint
 from robot_stack.core.zones import Zone, ZoneType
-from robot_stack.navigation.footprint import outline, reach_m
+from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.params import DoorParams
 
 Array = npt.NDArray[np.float64]
@@ -109,7 +109,7 @@ class _Door:
     def meets(self, footprint: Footprint, poses: Array) -> npt.NDArray[np.bool_]:
         """(n,) whether the footprint at the (n, 3) poses in map overlaps the zone."""
         met = np.zeros(len(poses), np.bool_)
-        reach = reach_m(footprint)
+        reach = footprint.circumscribed_m
         near = np.all((poses[:, :2] > self._low - reach) & (poses[:, :2] < self._high + reach), axis=1)
         if near.any():
             x, y, yaw = poses[near].T[:, :, None]
