@@ -438,7 +438,9 @@ class NavigationController:
         self._text = self.around.doors.text or step.text
         if self._follower.route is not None:
             self.path = self._follower.route
-        limit = limits.cruise
+        at_once = self._limits(NO_LIMIT)  # to the limit of the way the follower brakes
+        assert at_once is not None
+        limit = at_once.cruise
         return Output(bounded(step.twist, limit.speed_mps, limit.yaw_rate_radps), self._state, self._text)
 
     def _refuse(self, reason: str, located: Located) -> Output:
@@ -597,8 +599,9 @@ class NavigationController:
             return "speed limit is zero"
         return ""
 
-    def _limits(self) -> PlanningLimits | None:
-        limit = self._speed_limit.slower(self._way_limit).slower(SpeedLimit(self._narrow_mps, math.inf))
+    def _limits(self, way: SpeedLimit | None = None) -> PlanningLimits | None:
+        """way: in place of the limit of the way."""
+        limit = self._speed_limit.slower(way or self._way_limit).slower(SpeedLimit(self._narrow_mps, math.inf))
         return planning_limits(self._robot.motion(self._passenger), limit, self._params.limits)
 
     def _lost(self, error: TrackingError) -> bool:

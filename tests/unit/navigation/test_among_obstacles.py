@@ -164,6 +164,18 @@ def test_drives_around_unmapped_box(chair: bool) -> None:
         assert change <= motion.max_acceleration_mps2 * 0.05 + 0.02
 
 
+def test_beside_obstacles_the_robot_slows_down_to_the_limit_of_its_way_on_a_ramp() -> None:
+    story = Story(box(6.5, 7.5, 4.3, 5.7), corridor())
+    story.go(Pose2(12.0, 5.0, 0.0))
+    story.until(lambda output: output.state is NavigationState.FOLLOWING and output.twist.speed() > 0.5)
+    before = len(story.outputs)
+    story.controller.set_way_limit(SpeedLimit(0.3, 0.5))
+    story.until(reached)
+    speeds = [output.twist.speed() for output in story.outputs[before - 1 :]]
+    assert max(a - b for a, b in pairwise(speeds)) <= ROBOT.empty.max_acceleration_mps2 * 0.05
+    assert 0.2 < max(speeds[20:]) <= 0.3
+
+
 def test_without_a_map_the_costmap_is_enough() -> None:
     story = Story(box(6.5, 7.5, 4.3, 5.7))
     story.go(Pose2(12.0, 5.0, 0.0))

@@ -205,6 +205,24 @@ def test_speed_limits_while_driving() -> None:
     assert_at(story.drive.pose, Pose2(14.0, 0.0, 0.0))
 
 
+def test_the_limit_of_the_way_holds_beside_that_of_safety_and_is_approached_on_a_ramp() -> None:
+    story = ride()
+    story.go(Pose2(14.0, 0.0, 0.0))
+    story.run(4.0)
+    story.controller.set_way_limit(SpeedLimit(0.5, 1.0))
+    before = len(story.outputs)
+    story.run(3.0)
+    speeds = [output.twist.speed() for output in story.outputs[before - 1 :]]
+    assert max(a - b for a, b in pairwise(speeds)) < 0.1
+    assert 0.4 < speeds[-1] <= 0.5
+    story.controller.set_speed_limit(SpeedLimit(0.3, 1.0))
+    story.run(2.0)
+    assert story.drive.twist.speed() <= 0.3
+    story.controller.set_speed_limit(SpeedLimit(1.0, 1.0))
+    story.run(2.0)
+    assert 0.4 < story.drive.twist.speed() <= 0.5
+
+
 def test_robot_displaced_from_its_path_replans() -> None:
     story = ride()
     story.go(Pose2(8.0, 0.0, 0.0))
