@@ -383,7 +383,7 @@ BUILDING_STATE = Topic(
     stale_s=2.5,
     queue=50,
     on_demand=True,
-    sometimes=("sim_world",),  # in a world with doors
+    sometimes=("sim_world", "navigation_controller"),  # in a world, and at a site, with doors
 )
 NAVIGATION_PEOPLE = Topic(
     "/navigation/people",

@@ -269,6 +269,10 @@ class NavigationController:
         return replace(output, twist=self._twist, end=self.take_end(), doors=doors)
 
     def _update_doors(self, located: Located | None) -> tuple[DoorRequest, ...]:
+        if not self.around.doors.exist:
+            return ()
+        if located is not None and not located.pose.is_finite():
+            located = None
         planned = self._state is not NavigationState.FOLLOWING or self._follower.route is not None
         ahead = None
         if self._goal is None:

@@ -130,6 +130,10 @@ class Doors:
         self._passages = 0
 
     @property
+    def exist(self) -> bool:
+        return bool(self._doors)
+
+    @property
     def text(self) -> str:
         """What the robot waits for, for people; empty if it does not wait for a door."""
         waits = ((name, door.passage) for name, door in self._doors.items() if door.passage and door.passage.waits)

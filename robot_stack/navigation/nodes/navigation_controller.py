@@ -70,7 +70,8 @@ class NavigationControllerNode(StackNode):
         self._goals = NavigationGoals(self, self._begin)
         self._last_located: tuple[Located, Time] | None = None
         self._ticks = 0
-        self.subscribe(topics.BUILDING_STATE, self._on_building)
+        if self.controller.around.doors.exist:
+            self.subscribe(topics.BUILDING_STATE, self._on_building)
         self.serve(services.CONFIRM_DOOR, self._on_confirm)
         self.subscribe(topics.ODOM, self._on_odometry)
         self.subscribe(topics.CURRENT_POSE, self._on_pose)

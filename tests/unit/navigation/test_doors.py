@@ -12,7 +12,7 @@ import pytest
 from robot_stack.contract.states import DoorMode, DoorPhase
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.zones import Zone, ZoneType
-from robot_stack.navigation.controller import Output
+from robot_stack.navigation.controller import Output, Situation
 from robot_stack.navigation.doors import DoorRequest, Doors, DoorState
 from tests.unit.navigation.plant import ROBOT, params
 from tests.unit.navigation.test_among_obstacles import Story, box, corridor, nothing, reached
@@ -212,6 +212,16 @@ def test_the_robot_waits_before_the_zone_until_the_door_is_open(panel: bool) -> 
     assert ride.outputs[-1].text == "waiting for door hall"
     ride.until(reached)
     assert ride.requests[-1].mode == CLOSED
+
+
+def test_an_unknown_pose_neither_ends_the_session_nor_opens_the_door() -> None:
+    ride = Ride(lambda _: True)
+    ride.go(Pose2(13.0, 5.0, 0.0))
+    ride.until(lambda _: len(ride.requests) > 0)
+    for located in (None, None, ride.located()):
+        output = ride.controller.tick(Situation(ride.now_s, located))
+        assert all(request.mode == OPEN for request in output.doors)
+    assert ride.controller.around.doors.closed_from(ROBOT.footprint, np.array([(8.0, 5.0, 0.0)])) == 0
 
 
 def test_a_door_that_is_open_in_time_costs_no_stop() -> None:
