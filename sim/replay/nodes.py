@@ -96,7 +96,10 @@ def rows_of(node: str) -> list[Topic]:
 
 
 def incomplete_inputs(node: str, recorded: Recorded) -> list[str]:
-    """Inputs that were not recorded completely, each with the reason. One on demand that the node has only sometimes may lack."""
+    """Inputs that were not recorded completely, each with the reason.
+
+    One on demand, which the node has only sometimes, may lack.
+    """
     found = []
     for row in inputs_of(node):
         if row in REPLAYED[node].unused:

@@ -101,7 +101,7 @@ def test_a_door_that_is_reported_open_for_the_robot_lets_it_pass() -> None:
         ((OPEN,), {"age_s": math.nan}),
     ],
 )
-def test_stale_foreign_and_contradicting_reports_let_nobody_pass(
+def test_stale_foreign_and_contradicting_reports_let_no_robot_pass(
     modes: tuple[int, ...], fields: dict[str, object]
 ) -> None:
     approach = Approach()
