@@ -29,7 +29,8 @@ def test_a_ride_in_two_updates(tmp_path: Path) -> None:
         from tests.support.stack import FLAT, StackUnderTest
 
         url = broker.site.robot_url()
-        with closing(StackUnderTest(tmp_path / "logs", *FLAT, fleet=url)) as stack:
+        settings = (*FLAT, "mission_manager.next_order_after_s=1.0")
+        with closing(StackUnderTest(tmp_path / "logs", *settings, fleet=url)) as stack:
             # A release before the pose is known is refused. With the next message the mission manager has the first.
             first = stack.wait_safety("NORMAL")
             stack.safety.wait(lambda message: message is not first, "another safety status")
