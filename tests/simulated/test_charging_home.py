@@ -22,6 +22,7 @@ home: {x: -0.5, y: 0.0, yaw: 0.0, dock: charger}
 waypoints:
   - {name: end, x: 0.8, y: 0.0, yaw: 0.0, action: park}
 """
+SOON = "mission_manager.next_order_after_s=1.0"
 CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
 _Request = EditMissionQueue.Request
 
@@ -34,7 +35,7 @@ def edit(stage: Stage, operation: int) -> Any:
 def test_a_low_battery_leads_to_the_charger_and_a_release_away_from_it(tmp_path: Path) -> None:
     docked = load_docks().docks["charger"]
     at_charger = docked.staging.pose().compose(Pose2(-1.5, 0.0, 0.0))
-    with own_config(tmp_path, hop=MISSION), staged("yard", start=Pose2(0.0, 0.0, 0.0)) as stage:
+    with own_config(tmp_path, hop=MISSION), staged("yard", SOON, start=Pose2(0.0, 0.0, 0.0)) as stage:
         queue, battery = stage.listen(topics.MISSION_QUEUE), stage.listen(topics.BATTERY_STATE)
         stage.command("START_MISSION", "hop")
         stage.wait_faster(0.1, 20.0)
@@ -48,10 +49,10 @@ def test_a_low_battery_leads_to_the_charger_and_a_release_away_from_it(tmp_path:
         assert edit(stage, _Request.ADD).success
         assert not edit(stage, _Request.RELEASE).success
 
-        stage.assert_wheels_rest(5.0)
+        stage.assert_wheels_rest(2.0)
         assert battery.last.percentage > charged
         stage.world.sim.battery.charge = 0.95
-        stage.assert_wheels_rest(15.0)
+        stage.assert_wheels_rest(3.0)
         assert queue.last.held_by != MissionQueue.NOTHING
         assert edit(stage, _Request.RELEASE).success
         stage.mission.wait(lambda message: message.state == "RUNNING", "the order", 30.0)
