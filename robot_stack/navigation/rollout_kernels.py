@@ -201,8 +201,8 @@ def evaluate(
                     if gap < 0.05 or _drives_at(box, x, y, yaw, pose, people[p], time):
                         cost += COLLISION * 0.5 * (1.0 - 0.5 * i / steps)
                     elif gap < person_m and (people[p, 2] != 0.0 or people[p, 3] != 0.0):
-                        # Not for standing people: passing them would cost more than waiting for ever.
-                        cost += weights[4] * (person_m - gap) / person_m
+                        # Per metre, and not for standing people: else waiting for ever would cost less than any pass.
+                        cost += weights[4] * (person_m - gap) / person_m * math.hypot(vx, vy) * step_s
         progress = route[at, _ALONG] - route[begin, _ALONG]
         off = math.hypot(route[at, _X] - x, route[at, _Y] - y)
         cost += weights[0] * (speed_max * step_s * steps - progress)

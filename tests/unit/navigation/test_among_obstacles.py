@@ -21,7 +21,7 @@ from robot_stack.core.zones import Zone
 from robot_stack.navigation.controller import NavigationController, Output, Situation
 from robot_stack.navigation.footprint import outline
 from robot_stack.navigation.goal import GoalCode, GoalEnd
-from robot_stack.navigation.local_map import local_map
+from robot_stack.navigation.local_map import LocalMap, local_map
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.pose_source import Located
 from robot_stack.navigation.rollout_controller import RolloutController
@@ -319,6 +319,19 @@ NOTHING = np.full((10, 10), 10.0, np.float32), 1.0, -5.0, -5.0, OUTLINE
 def test_free_time_of_people(twist: tuple[float, float, float], person: Array, free_s: float) -> None:
     free = free_time(*NOTHING, np.zeros(3), np.array(twist), 0.2, 3.0, BOX, person[None])
     assert free == pytest.approx(free_s, abs=0.11)
+
+
+def test_robot_drives_past_a_walking_person_beside_the_route() -> None:
+    """0.3 m/s, as near people: a cost per time would be higher than that of standing still."""
+    metres = np.arange(0.0, 7.0, 0.1)
+    route = np.column_stack((metres, np.zeros((len(metres), 2)), metres, np.full(len(metres), 0.3)))
+    walker = np.array([(1.0, 1.15, 0.3, 0.0, 0.25, 0.35)])
+    field = np.full((200, 200), 10.0, np.float32)
+    local = LocalMap(0.0, 0.1, -10.0, -10.0, np.zeros((200, 200), np.int8), np.zeros((200, 200), np.bool_), field)
+    controller = RolloutController(params().local)
+    limits = MotionLimits.of(ROBOT.motion(False))
+    choice = controller.step(Pose2(0.0, 0.0, 0.0), Twist2(0.0, 0.0, 0.0), route, limits, ROBOT.footprint, local, walker)
+    assert choice.twist.vx > 0.04
 
 
 @pytest.mark.parametrize("seeing", [False, True])
