@@ -160,10 +160,11 @@ class RouteFollower:
         waits = p.passage if self._waited_s < p.passage.wait_s else None
         zones = around.zone_speed_mps(ahead)
         zones = np.where(metres >= around.doors.stop_m(footprint, ahead, _SPACING_M), 0.0, zones)
+        lets_pass = self._waited_s < p.people.yield_most_s
         cap = speed_limits(
-            along, clear, zones, people, now_s, speed, limits, footprint, p.speed_limits, p.people, waits
+            along, clear, zones, people, now_s, speed, limits, footprint, p.speed_limits, p.people, waits, lets_pass
         )
-        self._waits = cap.yields and speed < _STANDING_MPS and waits is not None
+        self._waits = cap.yields and speed < _STANDING_MPS
         self._waited_s += dt_s if self._waits else 0.0
         start = self._smoother.start(located.twist)
         table = _table(people, now_s, p.people)

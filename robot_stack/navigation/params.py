@@ -195,6 +195,7 @@ class PeopleParams(Config):
     yield_gap_m: Positive
     yield_pace_mps: Positive
     yield_stop_m: Positive
+    yield_most_s: NotNegative
 
 
 class GiveWayParams(Config):

@@ -44,11 +44,13 @@ def speed_limits(
     params: SpeedLimitParams,
     person: PeopleParams,
     passage: PassageParams | None,
+    lets_pass: bool,
 ) -> SpeedLimits:
     """route: (n, 4) x, y, yaw, along from the robot on, evenly spaced. speed_mps: of the robot now.
 
     zones_mps: (n,) allowed by the site's speed zones.
     passage: a robot that has to stop for a person does so before a narrow place, not in it; None: where the ways cross.
+    lets_pass: else it stops only before narrow places, and people elsewhere limit its speed alone.
     """
     speeds = np.minimum(narrow_speed(clearance_m, limits.speed_mps, params), zones_mps)
     for one in people:
@@ -62,9 +64,11 @@ def speed_limits(
         if not one.walks:
             continue
         stops_m = _conflict(route, one, now_s, speed_mps, footprint, person)
+        before_m = stops_m
         if np.isfinite(stops_m) and passage is not None:
-            stops_m = outside(stops_m, route, clearance_m, one.at(now_s), footprint, passage)
-        stop_m = min(stop_m, stops_m)
+            before_m = outside(stops_m, route, clearance_m, one.at(now_s), footprint, passage)
+        if lets_pass or before_m < stops_m:
+            stop_m = min(stop_m, before_m)
     if np.isfinite(stop_m):
         speeds = np.where(route[:, 3] >= stop_m, 0.0, speeds)
     return SpeedLimits(

@@ -145,8 +145,30 @@ def test_speed_near_people_counts_from_the_chair_s_front() -> None:
     route = np.column_stack((ALONG, np.zeros((len(ALONG), 2)), ALONG))
     person = Person(0.0, CHAIR.front_m + 0.3 + 0.9, 0.0, radius_m=0.3)
     far, unlimited = np.full(len(ALONG), 2.0), np.full(len(ALONG), np.inf)
-    cap = speed_limits(route, far, unlimited, (person,), 0.0, 0.5, LIMITS, CHAIR, P.speed_limits, P.people, P.passage)
+    cap = speed_limits(
+        route, far, unlimited, (person,), 0.0, 0.5, LIMITS, CHAIR, P.speed_limits, P.people, P.passage, True
+    )
     assert cap.speed_mps[0] == pytest.approx(P.people.very_near_mps)
+
+
+@pytest.mark.parametrize(
+    ("crosses_m", "comes_s", "lets_pass", "narrow", "yields"),
+    [
+        (3.0, 2.0, True, (9.0, 9.0), True),
+        (3.0, 2.0, False, (9.0, 9.0), False),  # people were let pass for long enough
+        (5.0, 2.5, False, (1.0, 6.0), True),  # the robot would stand in a narrow place
+    ],
+)
+def test_people_are_let_pass_for_some_time_but_always_through_narrow_places(
+    crosses_m: float, comes_s: float, lets_pass: bool, narrow: tuple[float, float], yields: bool
+) -> None:
+    route = np.column_stack((ALONG, np.zeros((len(ALONG), 2)), ALONG))
+    person = Person(0.0, crosses_m, -comes_s, vy=1.0, radius_m=0.25, walks=True, walked=True)
+    clear, unlimited = narrow_between(*narrow), np.full(len(ALONG), np.inf)
+    near = (LIMITS, CHAIR, P.speed_limits, P.people, P.passage, lets_pass)
+    cap = speed_limits(route, clear, unlimited, (person,), 0.0, 0.6, *near)
+    assert cap.yields == yields
+    assert (cap.speed_mps.min() == 0.0) == yields
 
 
 @pytest.mark.parametrize(
