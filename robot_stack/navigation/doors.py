@@ -109,7 +109,7 @@ class _Door:
     def meets(self, footprint: Footprint, poses: Array) -> npt.NDArray[np.bool_]:
         """(n,) whether the footprint at the (n, 3) poses in map overlaps the zone."""
         met = np.zeros(len(poses), np.bool_)
-        reach = footprint.circumscribed_m
+        reach = footprint.circumscribed_m()
         near = np.all((poses[:, :2] > self._low - reach) & (poses[:, :2] < self._high + reach), axis=1)
         if near.any():
             x, y, yaw = poses[near].T[:, :, None]
