@@ -7,7 +7,7 @@ plan in a thread of their own (``robot_stack.navigation.background_planner``), b
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -27,12 +27,17 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, slots=True)
 class RouteRequest:
-    """Poses in map. seen: (n, 2) obstacle points in map beyond those of the site's map; read-only."""
+    """Poses in map. seen: (n, 2) obstacle points in map beyond those of the site's map; read-only.
+
+    at_map: (n, 2) those seen at obstacles of the map. An error of the pose doubles these: they are left out where they
+    leave no way.
+    """
 
     start: Pose2
     goal: Pose2
     footprint: Footprint
     seen: Array
+    at_map: Array = field(default_factory=lambda: np.empty((0, 2)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +81,10 @@ class RouteSolver:
         if grid is None:
             empty = empty_grid(question.start, question.goal, p.open_pad_m, p.open_resolution_m)
             grid = PlanningGrid(empty, bounded=False)
-        found = self._plan_on_lanes(grid, question, stop) or self._plan(grid, question, question.seen, stop)
+        everything = np.concatenate((question.seen, question.at_map))
+        found = self._plan_on_lanes(grid, question, stop) or self._plan(grid, question, everything, stop)
+        if isinstance(found, NoWay) and len(question.at_map):
+            found = self._plan(grid, question, question.seen, stop)
         if not isinstance(found, NoWay):
             return RouteResult(found)
         # Only the map's own obstacles are permanent.

@@ -91,6 +91,7 @@ class WorldModel:
         self._people_stamp_s = self._people_received_s = -math.inf
         self._remembered = np.empty((0, 2))
         self._remembered_s = np.empty(0)
+        self._at_map = np.empty((0, 2))  # seen at present, at obstacles of the map
 
     @property
     def seeing(self) -> bool:
@@ -282,7 +283,7 @@ class WorldModel:
     def question(self, start: Pose2, goal: Pose2, footprint: Footprint) -> RouteRequest:
         """A request for a route around all obstacles of map and costmap until now, and around standing people."""
         seen = np.concatenate((self.doors.hide(self._remembered), self._standing()))
-        return RouteRequest(start, goal, footprint, seen)
+        return RouteRequest(start, goal, footprint, seen, self.doors.hide(self._at_map))
 
     def _standing(self) -> Array:
         """(n, 2) points around people who stand, map: a route past them must leave the gap the robot keeps."""
@@ -372,6 +373,7 @@ class WorldModel:
         seen = self._to_map(self.local.points())
         seen = seen[~self._in_closed(seen)]  # not seen, and the route's grid has them
         if self._mapped is not None and len(seen):
-            seen = seen[self._map_clearance_m(seen) > _MAPPED_M]
+            apart = self._map_clearance_m(seen) > _MAPPED_M
+            seen, self._at_map = seen[apart], seen[~apart]
         self._remembered = np.concatenate((self._remembered, seen))[-_MOST_REMEMBERED:]
         self._remembered_s = np.concatenate((self._remembered_s, np.full(len(seen), stamp_s)))[-_MOST_REMEMBERED:]

@@ -9,7 +9,7 @@ from robot_stack.core.config import SITE_VARIABLE
 from robot_stack.core.geometry import Pose2
 from tests.simulated.stage import staged
 
-_START, _BEDSIDE = Pose2(10.0, 0.2, -math.pi / 2), Pose2(10.0, -3.6, -math.pi / 2)
+_START, _BEDSIDE = Pose2(9.0, 0.0, -math.pi / 4), Pose2(10.0, -3.6, -math.pi / 2)
 
 
 def test_the_robot_rides_from_the_corridor_to_a_bed_by_the_plan_of_the_floor() -> None:

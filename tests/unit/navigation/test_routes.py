@@ -54,6 +54,20 @@ def solver(grid: Grid | None) -> RouteSolver:
     return RouteSolver(params().planner, None if grid is None else PlanningGrid(grid))
 
 
+def test_what_is_seen_at_the_map_narrows_a_gate_unless_it_closes_it() -> None:
+    """The gate is open from 4.4 to 5.6 m."""
+
+    def passed_at_m(*seen_y_m: float) -> float:
+        at_map = np.array([(8.05, y) for y in seen_y_m]).reshape(-1, 2)
+        asked = RouteRequest(Pose2(6.8, 4.9, 0.0), GOAL, ROBOT.footprint, NOTHING_SEEN, at_map)
+        route = solver(divided(slice(44, 56))).solve(asked, CancelFlag()).route
+        assert route is not None
+        return float(np.interp(8.05, route.poses[:, 0], route.poses[:, 1]))
+
+    assert passed_at_m(4.45) == pytest.approx(5.05, abs=0.04)
+    assert passed_at_m(4.85, 5.15) == passed_at_m()
+
+
 @dataclass
 class Noted:
     """Answers as ``PromptRoutes`` does, but returns an answer only after ``late`` more calls. Records the requests."""
