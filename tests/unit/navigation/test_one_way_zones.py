@@ -119,7 +119,7 @@ def test_a_way_back_is_planned_in_a_circle_whatever_its_course() -> None:
     grid = Grid(0.1, 0.0, 0.0, np.full((400, 400), FREE, np.int8))
     c = math.sqrt(0.5)
     turn = np.array([(c, c), (-c, c)])  # rows: along and across the heading of 45 deg
-    ring = np.array([(0.0, -14.0), (24.0, -14.0), (24.0, 14.0), (0.0, 14.0), (0.0, -14.0)]) @ turn + (10.0, 10.0)
+    ring = np.array([(0.0, -11.0), (24.0, -11.0), (24.0, 11.0), (0.0, 11.0), (0.0, -11.0)]) @ turn + (10.0, 10.0)
     lane = Zone("lane", ZoneType.ONE_WAY, (ring,), np.inf, math.radians(45.0))
     for inside_m, backs in ((0.5, True), (1.0, False)):
         x, y = np.array([(inside_m, 0.0), (-3.0, 0.0)]) @ turn + (10.0, 10.0)
