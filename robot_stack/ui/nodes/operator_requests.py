@@ -138,7 +138,7 @@ class UndockRequest:
         answer, self._answer = self._answer, None
         if answer is None:
             return
-        if status in (GoalStatus.UNKNOWN, GoalStatus.REJECTED):
+        if result is None:
             answer(False, NO_DOCKING, "")
         elif result.success:
             answer(True, "", "")
