@@ -16,10 +16,7 @@ def confirm_door(
     """Confirm that a door is open, seen on site: the robot that waits for it passes once."""
     from robot_stack.cli.nodes.operator_commands import confirm_door as confirm
 
-    try:
-        accepted, message = confirm(name, timeout_s)
-    except TimeoutError as error:
-        raise CommandError(str(error)) from None
+    accepted, message = confirm(name, timeout_s)
     if not accepted:
         raise CommandError(message)
     print(message)

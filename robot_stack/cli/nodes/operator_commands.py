@@ -44,7 +44,7 @@ def emergency_stop(timeout_s: float) -> float | None:
 
 
 def confirm_door(name: str, timeout_s: float) -> tuple[bool, str]:
-    """(accepted, what was done or why not). Raises TimeoutError without a navigation controller."""
+    """(accepted, what was done or why not). Raises NoAnswer without a navigation controller."""
     with Operator() as operator:
         answer = operator.call(services.CONFIRM_DOOR, timeout_s, name=name)
     return bool(answer.success), str(answer.message)
