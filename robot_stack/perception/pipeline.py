@@ -132,8 +132,10 @@ class Pipeline:
             obstacles = self._chair_edges.without_sparse(obstacles, filter_params, filter_params.points_min)
         edges = self._edges(seen.profile)
         fresh = voxels(np.concatenate([obstacles, edges]), params.voxel_m, params.far_m, params.far_column_m)
-        stored = np.concatenate([obstacles, self._seen_again(edges, pose)])
-        hits = voxels(stored, params.voxel_m, params.far_m, params.far_column_m) if len(edges) else fresh
+        again = self._seen_again(edges, pose)
+        hits = fresh
+        if len(again) < len(edges):
+            hits = voxels(np.concatenate([obstacles, again]), params.voxel_m, params.far_m, params.far_column_m)
         look = self._views.view(stamp_s, seen.sensor_m, seen.tilt, hits, seen.points, seen.profile)
         if self.chair:
             look = self._chair_edges.without(look)
