@@ -36,6 +36,7 @@ from robot_stack.core.runtime import (
 )
 from robot_stack.supervisor import client, progress
 from robot_stack.supervisor.control import NotRunning
+from robot_stack.supervisor.profile import WORLD_NODES
 from sim.devices import v4l2
 from sim.devices.udp import free_port
 from sim.run.demo_display import MOVING_MPS, Display, describe
@@ -48,7 +49,6 @@ from sim.settings import (
     SHORT_START,
     START_ERROR_DEG,
     START_ERROR_M,
-    WORLDLY,
     own_map,
     pose_settings,
     wire_settings,
@@ -175,7 +175,7 @@ def _settings(options: argparse.Namespace) -> list[str]:
     return [
         *world_settings(options.world),
         *(pose_settings("sim_world.start", start) if options.start else []),
-        *(f"{node}.seed={options.seed}" for node in WORLDLY),
+        *(f"{node}.seed={options.seed}" for node in WORLD_NODES),
         # Without a map localization cannot correct a wrong start.
         *pose_settings("ndt_localization.start", estimated if own_map(options.world) else start),
     ]

@@ -7,9 +7,10 @@ import math
 from robot_stack.core.config import ConfigError, config_dir
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.site_map import map_folder
+from robot_stack.supervisor.profile import MAP_PARAMETERS, WORLD_NODES
 
-# Nodes that simulate a part of the world.
-WORLDLY = ("sim_world", "camera_driver", "lidar_driver", "overhead_lidar_driver")
+_FLEET = "fleet_agent"  # in no simulated stack by itself
+
 # A LiDAR with a sixth of its beams, for small machines and tests.
 FEW_BEAMS = ("lidar_driver.columns=400", "perception_pipeline.watch.points_min=2500")
 
@@ -38,12 +39,8 @@ def world_settings(world: str) -> list[str]:
     """The world in every node that simulates it, and its map, or none, in those that use one."""
     name = own_map(world)
     return [
-        *(f"{node}.world={world}" for node in WORLDLY),
-        f'ndt_localization.map="{name}"',
-        f'navigation_controller.map="{name}"',
-        f'mission_manager.map="{name}"',
-        f'touch_ui.pages.map="{name}"',
-        f'black_box.map="{name}"',
+        *(f"{node}.world={world}" for node in WORLD_NODES),
+        *(f'{node}.{parameter}="{name}"' for node, parameter in MAP_PARAMETERS.items() if node != _FLEET),
     ]
 
 

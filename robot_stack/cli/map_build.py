@@ -69,7 +69,7 @@ def _about(recording: Path, ride: Ride, built: Built, start: Pose2 | None) -> di
         "made_from": _SOURCE,
         "recording": recording.absolute().name,
         "recorded": time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(float(built.stamps_s[0]))),
-        "begins_at": {"x_m": origin.x, "y_m": origin.y, "yaw_rad": origin.yaw},
+        "begins_at": place_of(origin),
         "ride": {
             "length_m": round(distance_m(built.poses), 1),
             "duration_s": round(float(built.stamps_s[-1] - built.stamps_s[0]), 1),
@@ -79,6 +79,11 @@ def _about(recording: Path, ride: Ride, built: Built, start: Pose2 | None) -> di
         "points_left_out_because_they_moved": round(built.moved_share, 5),
         "drift": drift(built),
     }
+
+
+def place_of(pose: Pose2) -> dict[str, float]:
+    """A pose, for map.yaml."""
+    return {"x_m": pose.x, "y_m": pose.y, "yaw_rad": pose.yaw}
 
 
 def size_of(cells: Cells, grid: Grid) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from pydantic import Field
 
 from robot_stack.cli.errors import WRONG_USE, CommandError, writing
-from robot_stack.cli.map_build import lines_of, size_of, wanted
+from robot_stack.cli.map_build import lines_of, place_of, size_of, wanted
 from robot_stack.cli.map_picture import draw_map
 from robot_stack.core.config import Config, load, read_yaml, validate
 from robot_stack.core.geometry import IDENTITY, Pose2
@@ -64,11 +64,11 @@ def build_from_plan(source: Path, name: str, output: Path | None, options: PlanO
     about = {
         "frame": "map",
         "made_from": "a floor plan",
-        "begins_at": {"x_m": start.x, "y_m": start.y, "yaw_rad": start.yaw},
+        "begins_at": place_of(start),
         "plan": {
             "picture": source.name,
             "resolution_m": plan.resolution_m,
-            "origin": {"x_m": plan.origin.x, "y_m": plan.origin.y, "yaw_rad": plan.origin.yaw},
+            "origin": place_of(plan.origin),
             "wall_height_m": options.wall_height_m,
         },
         **size_of(cells, grid),

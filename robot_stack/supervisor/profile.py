@@ -21,16 +21,18 @@ from robot_stack.wmx.config import ENGINE_VARIABLE, HELD_UP_STALE_S, STALE_VARIA
 _SAFETY_MONITOR, _SYSTEM_MONITOR = "safety_monitor", "system_monitor"
 _EXPECTED = "expected_processes"
 _FLEET = "fleet_agent"
-# Parameters that name the map of a site, and the world in which it is simulated.
-SITE_PARAMETERS: Final = {
+# Parameters that name the map of a site.
+MAP_PARAMETERS: Final = {
     "ndt_localization": "map",
     "navigation_controller": "map",
     "mission_manager": "map",
     "touch_ui": "pages.map",
     "black_box": "map",
     _FLEET: "map",
-    **dict.fromkeys(("sim_world", "camera_driver", "lidar_driver", "overhead_lidar_driver"), "world"),
 }
+# Nodes that simulate a part of the world, which their parameter ``world`` names.
+WORLD_NODES: Final = ("sim_world", "camera_driver", "lidar_driver", "overhead_lidar_driver")
+SITE_PARAMETERS: Final = MAP_PARAMETERS | dict.fromkeys(WORLD_NODES, "world")
 
 
 class Machine(Enum):

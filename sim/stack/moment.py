@@ -21,12 +21,13 @@ from robot_stack.mission.journal import SqliteJournal, journal_path
 from robot_stack.mission.orders import Order, OrderQueue, OrderState, Origin
 from robot_stack.mission.record import HOME_NAME, Record, problem_of
 from robot_stack.mission.states import State
+from robot_stack.supervisor.profile import WORLD_NODES
 from sim.nodes.sim_world import SimWorldParams
 from sim.plant.people import PREFIX
 from sim.replay.recorded import Recorded, ReplayError, read_recording
 from sim.run.scenario import Scenario
 from sim.scheduler.decoding import decoder
-from sim.settings import WORLDLY, pose_settings, world_settings
+from sim.settings import pose_settings, world_settings
 from sim.stack.random_ride import place
 from sim.stack.world import ScheduledWorld
 
@@ -112,7 +113,7 @@ class RecordedMoment:
     def _settings(self, *, same_world: bool) -> Iterator[str]:
         for node, values in self.parameters.items():
             for name, value in values.items():
-                of_start = node in (*WORLDLY, "ndt_localization") and name.startswith(_OF_START)
+                of_start = node in (*WORLD_NODES, "ndt_localization") and name.startswith(_OF_START)
                 if not of_start and name != _EXPECTED and (same_world or f"{node}.{name}" not in _OF_WORLD):
                     yield f"{node}.{name}={json.dumps(value)}"
         if self.chair is not None and not self.attached:

@@ -18,7 +18,7 @@ from robot_stack.contract.model import Topic
 from robot_stack.core.config import SITE_VARIABLE
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.port import Port, Publisher
-from robot_stack.supervisor.profile import Plan, load_plan
+from robot_stack.supervisor.profile import WORLD_NODES, Plan, load_plan
 from robot_stack.wmx import EngineError, MotionEngine
 from robot_stack.wmx.api import ErrorCode, error_name
 from sim.nodes.battery_driver import BatteryDriver
@@ -26,7 +26,7 @@ from sim.nodes.imu_driver import ImuDriver
 from sim.nodes.sim_world import SimWorld
 from sim.scheduler.observers import LifeChange, Observer
 from sim.scheduler.scheduler import Scheduler
-from sim.settings import WORLDLY, own_site
+from sim.settings import own_site
 from sim.stack.devices import StackDevices, runs
 from sim.stack.faults import StackFaults
 from sim.stack.screen import ScheduledServer
@@ -65,7 +65,7 @@ class SimulatedStack(Observer):
     def __init__(self, setup: StackSetup, *, parallel: bool = True) -> None:
         """Raises ConfigError for a wrong profile or setting."""
         self.setup = setup
-        seeds = tuple(f"{node}.seed={setup.seed}" for node in WORLDLY)
+        seeds = tuple(f"{node}.seed={setup.seed}" for node in WORLD_NODES)
         self.plan: Plan = load_plan(
             setup.profile,
             settings=(*seeds, *setup.settings),

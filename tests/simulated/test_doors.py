@@ -17,7 +17,7 @@ from robot_stack.core.config import config_dir, read_yaml
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.site_map import map_folder
 from robot_stack.core.zones import ZONES_FILE
-from sim.settings import WORLDLY
+from robot_stack.supervisor.profile import WORLD_NODES
 from tests.simulated.stage import Stage, staged
 
 # A wall across the way east of the start, with a sliding door of 1.6 m. The map does not have it.
@@ -43,7 +43,7 @@ def at_a_door(folder: Path) -> Iterator[Stage]:
     }
     (site / ZONES_FILE).write_text(json.dumps({"type": "FeatureCollection", "features": [zone]}))
     settings = ["navigation_controller.door.answer_s=4.0"]
-    settings += [f'{node}.world="{folder / "door.yaml"}"' for node in WORLDLY]
+    settings += [f'{node}.world="{folder / "door.yaml"}"' for node in WORLD_NODES]
     with staged("yard", *settings, f'navigation_controller.map="{site}"', start=_START) as stage:
         yield stage
 
