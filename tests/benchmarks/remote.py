@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from robot_stack.contract import topics
@@ -18,6 +18,7 @@ from robot_stack.system_monitor.topic_check import judge_all, rows_of, worst_rat
 from tests.benchmarks.support.commands import robot_stack
 from tests.benchmarks.support.framework import Aim, BenchError, Result
 from tests.benchmarks.support.stack import running_stack
+from tests.support.other_host import OtherHost, other_host
 
 # /plan has no rate of its own: it is published when it changes.
 VIEWED = (topics.CURRENT_POSE, *topics.REMOTE_COPIES, topics.PLAN)
@@ -29,7 +30,6 @@ AIMS = {
     "worst_rate_error_pct": Aim("<", 2.0),
 }
 _NAMES = ("current_pose_hz", "points_hz", "front_camera_hz", "rear_camera_hz", "plan_hz")
-_HERE, _THERE = "198.51.100.1", "198.51.100.2"  # RFC 5737: documentation
 _VIEWER = [sys.executable, "-m", "tests.benchmarks.nodes.remote_viewer"]
 _SETTLE_S = 10.0
 
@@ -44,7 +44,7 @@ def run(duration_s: float = 20.0, mbit: float = 20.0, profile: str = "sim", miss
     from robot_stack.system_monitor.nodes.topic_meter import Meter
 
     os.environ[REACH] = "SUBNET"
-    with _link(mbit) as (viewer, cable), running_stack(profile) as status, _remote_view():
+    with _link(mbit) as viewer, running_stack(profile) as status, _remote_view():
         plan = load_plan(status["profile_path"], only=[item["name"] for item in status["processes"]])
         rows = rows_of(plan.machine, status["use_sim_time"])
         nodes = frozenset(node for process in plan.processes for node in process.nodes)
@@ -53,12 +53,13 @@ def run(duration_s: float = 20.0, mbit: float = 20.0, profile: str = "sim", miss
             robot_stack("mission", "start", mission)
             meter.run(duration_s)
             unviewed = worst_rate_error(judge_all(rows, meter.seen(), nodes, 0.02))
-            words = ["ip", "netns", "exec", viewer, *_VIEWER, str(_SETTLE_S), str(duration_s)]
+            words = ["ip", "netns", "exec", viewer.name, *_VIEWER, str(_SETTLE_S), str(duration_s)]
             with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as process:
-                time.sleep(_SETTLE_S)
-                before, begun_s = _sent_bytes(cable), time.monotonic()
+                assert process.stdout is not None
+                process.stdout.readline()  # ready
+                before, begun_s = _sent_bytes(viewer.cable), time.monotonic()
                 meter.run(duration_s)
-                carried_mbit = 8e-6 * (_sent_bytes(cable) - before) / (time.monotonic() - begun_s)
+                carried_mbit = 8e-6 * (_sent_bytes(viewer.cable) - before) / (time.monotonic() - begun_s)
                 received = process.communicate()[0]
             viewed = worst_rate_error(judge_all(rows, meter.seen(), nodes, 0.02))
             robot_stack("mission", "abort", check=False)
@@ -73,33 +74,14 @@ def run(duration_s: float = 20.0, mbit: float = 20.0, profile: str = "sim", miss
 
 
 @contextmanager
-def _link(mbit: float) -> Iterator[tuple[str, str]]:
-    """A network namespace behind a cable with this rate in each direction, and the cable's end on this side."""
-    number = os.getpid()
-    name, here, there = f"viewer{number}", f"rv{number}a", f"rv{number}b"
-
-    def run(*words: str) -> None:
-        done = subprocess.run(words, capture_output=True, text=True)
-        if done.returncode:
-            raise BenchError(
-                f"no network namespace (needs root and iproute2): {' '.join(words)}: {done.stderr.strip()}"
-            )
-
-    def end(prefix: tuple[str, ...], device: str, address: str) -> None:
-        run("ip", *prefix, "address", "add", f"{address}/24", "dev", device)
-        run("ip", *prefix, "link", "set", device, "up")
-        rate = ("rate", f"{mbit}mbit", "burst", "32kb", "latency", "100ms")
-        run("tc", *prefix, "qdisc", "add", "dev", device, "root", "tbf", *rate)
-
-    run("ip", "netns", "add", name)
-    try:
-        run("ip", "link", "add", here, "type", "veth", "peer", "name", there, "netns", name)
-        run("ip", "-n", name, "link", "set", "lo", "up")
-        end((), here, _HERE)
-        end(("-n", name), there, _THERE)
-        yield name, here
-    finally:
-        subprocess.run(["ip", "netns", "delete", name], check=False)  # deletes the cable too
+def _link(mbit: float) -> Iterator[OtherHost]:
+    """Another computer behind a cable with this rate in each direction."""
+    with ExitStack() as stack:
+        try:
+            host = stack.enter_context(other_host(("tbf", "rate", f"{mbit}mbit", "burst", "32kb", "latency", "100ms")))
+        except (OSError, subprocess.CalledProcessError) as error:
+            raise BenchError(f"no network namespace (needs root and iproute2): {error}") from error
+        yield host
 
 
 @contextmanager

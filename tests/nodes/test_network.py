@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -16,6 +15,7 @@ import pytest
 
 from robot_stack.contract import topics
 from robot_stack.ros import transport
+from tests.support.other_host import HERE, other_host
 from tests.support.processes import NodeProcess, Start, node_command
 from tests.support.waiting import wait_for
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from tests.support.peer import Peer
 
 SCRIPTS = Path(__file__).parent / "scripts"
-_ROBOT, _STRANGER = "198.51.100.1", "198.51.100.2"  # RFC 5737: documentation
 _FOR_S = 6.0  # 60 announcements
 _FIRST_EPHEMERAL = 32768
 _RULES = Path(__file__).parents[2] / "launch_scripts" / "robot-stack.nft"
@@ -54,40 +53,18 @@ def test_a_process_that_takes_clouds_beside_listens_on_this_machine_alone(start:
     assert _addresses(process, range(_FIRST_EPHEMERAL)) == {"127.0.0.1"}
 
 
-@contextmanager
-def _another_host() -> Iterator[str]:
-    """Creates a network namespace with a virtual cable to this machine and returns its name."""
-    number = os.getpid()
-    name, here, there = f"stranger{number}", f"rs{number}a", f"rs{number}b"
-
-    def run(*words: str) -> None:
-        subprocess.run(words, check=True, capture_output=True)
-
-    run("ip", "netns", "add", name)
-    try:
-        run("ip", "link", "add", here, "type", "veth", "peer", "name", there, "netns", name)
-        run("ip", "address", "add", f"{_ROBOT}/24", "dev", here)
-        run("ip", "link", "set", here, "up")
-        run("ip", "-n", name, "address", "add", f"{_STRANGER}/24", "dev", there)
-        run("ip", "-n", name, "link", "set", there, "up")
-        run("ip", "-n", name, "link", "set", "lo", "up")
-        yield name
-    finally:
-        run("ip", "netns", "delete", name)  # deletes the cable too
-
-
 @pytest.fixture(scope="module")
 def another_host() -> Iterator[str]:
     try:
-        with _another_host() as name:
-            yield name
+        with other_host() as host:
+            yield host.name
     except (OSError, subprocess.CalledProcessError) as error:
         pytest.skip(f"no network namespaces here: {error}")
 
 
 def _discovered_by(host: str) -> str:
     """Number of subscribers to /emergency_stop and to /cmd_vel found from the host, and 1 if the reset was found."""
-    return _in_namespace(host, sys.executable, str(SCRIPTS / "stranger.py"), _ROBOT, str(_FOR_S))
+    return _in_namespace(host, sys.executable, str(SCRIPTS / "stranger.py"), HERE, str(_FOR_S))
 
 
 def _in_namespace(name: str, *words: str) -> str:
