@@ -49,9 +49,15 @@ TOOLS = (
 
 def test_subscriptions_of_nav2_and_rviz_receive_map_model_odometry_and_transforms(start: Start, peer: Peer) -> None:
     received: dict[str, Any] = {}
+    moving: set[str] = set()  # child frames; each node publishes its own
     start("ndt_localization")
     start("swerve_controller")
     clock = peer.node.get_clock()
+
+    def receive(topic: str, message: Any) -> None:
+        received.setdefault(topic, message)
+        if topic == "/tf":
+            moving.update(item.child_frame_id for item in message.transforms)
 
     def joint_states() -> JointState:
         message = JointState(name=list(frames.JOINTS), position=[0.1] * len(frames.JOINTS))
@@ -62,12 +68,12 @@ def test_subscriptions_of_nav2_and_rviz_receive_map_model_odometry_and_transform
     wait_for(lambda: peer.node.count_publishers("/map") and peer.node.count_publishers("/odom"), "both nodes")
     for tool in TOOLS:  # after the latched messages were published
         peer.node.create_subscription(
-            tool.kind, tool.topic, lambda message, topic=tool.topic: received.setdefault(topic, message), tool.qos
+            tool.kind, tool.topic, lambda message, topic=tool.topic: receive(topic, message), tool.qos
         )
     wait_for(lambda: len(received) == len(TOOLS), "a message on each topic")
     assert received["/map"].info.width * received["/map"].info.height == len(received["/map"].data)
     assert received["/robot_description"].data.startswith("<?xml")
-    assert frames.wheel_link("fl") in {item.child_frame_id for item in received["/tf"].transforms}
+    wait_for(lambda: {frames.wheel_link("fl"), frames.ODOM} <= moving, "the transforms of both nodes")
 
 
 @pytest.mark.usefixtures("ros_domain")

@@ -31,13 +31,16 @@ def stack_environment(folder: Path) -> Iterator[int]:
         runtime = Path(f"/dev/shm/robot_stack_test-{domain}")
         shutil.rmtree(runtime, ignore_errors=True)
         monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-        monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         monkeypatch.setenv("ROS_LOG_DIR", str(folder / "ros_log"))
         monkeypatch.setenv("XDG_STATE_HOME", str(folder / "state"))
         monkeypatch.setenv("XDG_DATA_HOME", str(folder / "data"))
         monkeypatch.setenv("ROBOT_STACK_RUNTIME_DIR", str(runtime))
         from robot_stack.ros import transport
 
-        transport.apply(bulk=True)
+        # Not from the environment: an earlier test may have left the profile of another configuration folder in it.
+        settings = {transport.REACH: "LOCALHOST"}
+        transport.apply(settings, bulk=True)
+        for name, value in settings.items():
+            monkeypatch.setenv(name, value)
         yield domain
         shutil.rmtree(runtime, ignore_errors=True)

@@ -78,13 +78,17 @@ def robot(stand_in: StandInRobot, url: str) -> StandInRobot:
     """A robot at rest that has received nothing; the screen shows it and is not pressed."""
     pressed = stand_in.screen_pressed
     stand_in.reset()
-    with web_page(int(url.split(":")[2].split("/")[0])) as page:
+    with web_page(port_of(url)) as page:
         if pressed:
             assert page.log_in().ask("reset")["ok"]
             wait_for(lambda: "stop False" in stand_in.commands, "the release")
             stand_in.commands.clear()
         wait_for(lambda: _at_rest(page.state), "the screen to show the robot at rest")
     return stand_in
+
+
+def port_of(url: str) -> int:
+    return int(url.split(":")[2].split("/")[0])
 
 
 def _at_rest(state: dict[str, Any]) -> bool:

@@ -11,18 +11,24 @@ from custom_msgs.action import Undock
 from custom_msgs.msg import MissionOrder, MissionQueue
 from robot_stack.contract import topics
 from tests.support.docking import FakeDocking
+from tests.support.ui_page import web_page
 from tests.support.ui_robot import StandInRobot
 from tests.support.waiting import wait_for
-from tests.ui.conftest import unlock, until
+from tests.ui.conftest import port_of, unlock, until
 
 RELEASE, REPLACE = 4, 5
 
 
 @pytest.fixture
-def docking(robot: StandInRobot) -> Iterator[FakeDocking]:
-    """Offers the actions; the stand-in no longer publishes the state."""
+def docking(robot: StandInRobot, url: str) -> Iterator[FakeDocking]:
+    """Offers the actions to the screen; the stand-in no longer publishes the state."""
     robot.peer.silence(topics.DOCKING_STATUS)
     docking = FakeDocking()
+    docking.error = Undock.Result.UNLATCH_FAILED, "the latch did not open"
+    with web_page(port_of(url)) as page:
+        page.log_in()
+        wait_for(lambda: page.ask("undock")["why"] != "answer.no_docking", "the screen to discover the actions")
+    docking.goals.clear()
     yield docking
     docking.close()
 
@@ -147,7 +153,6 @@ def test_a_failed_docking_is_undocked_and_the_orders_go_on(
     page.wait_for_selector('[data-page="destinations"] [data-end="FAILED"]')
     shows(page, "the latch did not close")
     staff(page, "docking")
-    docking.error = Undock.Result.UNLATCH_FAILED, "the latch did not open"
     page.click("#undock")
     page.click("#undock-yes")
     until(page, "document.querySelector('.toast.bad')?.textContent.includes('the latch did not open')")
