@@ -160,12 +160,14 @@ class FleetKernel:
         if len(actions) > limit or not all(0 < len(action.id) <= MAX_ID_LENGTH for action in actions):
             text = f"at most {limit} instant actions, with ids of 1 to {MAX_ID_LENGTH} characters"
             raise Refused(Error(ErrorType.VALIDATION, text, codec.references(Topic.INSTANT_ACTIONS, data)))
-        self._errors[Topic.INSTANT_ACTIONS] = {}
-        for action in actions:
-            if not instant.is_known(self.record, action):
-                self._begin(action, robot)
+        earlier = tuple(self._errors[Topic.INSTANT_ACTIONS])
+        begun = [self._begin(action, robot) for action in actions if not instant.is_known(self.record, action)]
+        if any(begun):  # 3.0.0, 6.6.5.4: until a new instant action is accepted
+            for error in earlier:
+                self._errors[Topic.INSTANT_ACTIONS].pop(error, None)
 
-    def _begin(self, action: Action, robot: RobotView) -> None:
+    def _begin(self, action: Action, robot: RobotView) -> bool:
+        """True if it is accepted."""
         try:
             begun = instant.begin(self.record, action, robot, self._vehicle)
         except Refused as refused:
@@ -173,11 +175,12 @@ class FleetKernel:
             # 3.0.0, 6.6.5.4: until a new order is accepted.
             lasts = refused.error.type == ErrorType.NO_ORDER_TO_CANCEL and self._vehicle.version is Version.V3
             self._report(Topic.ORDER if lasts else Topic.INSTANT_ACTIONS, refused.error)
-            return
+            return False
         self.record = begun.record
         self._send_state |= begun.send_state
         self._send_factsheet |= begun.send_factsheet
         self._outputs.pose = begun.pose or self._outputs.pose
+        return True
 
     def _report(self, topic: Topic, error: Error) -> None:
         """An error is reported until the next message of its topic is accepted; of many, the newest."""

@@ -194,6 +194,14 @@ def test_what_the_robot_has_not_is_refused_by_name(bench: Bench, kind: str) -> N
 # --- initPosition ----------------------------------------------------------------------------------------------------
 
 
+def test_a_refusal_is_reported_until_an_instant_action_is_accepted(bench: Bench) -> None:
+    bench.instant(action("dance"))
+    bench.instant(action("dance"))  # known: ignored
+    assert error_types(bench.instant(action("sing"))) == bench.named(*[ErrorType.INSTANT_ACTION] * 2)
+    assert error_types(bench.instant(action("stateRequest"), action("jump"))) == bench.named(ErrorType.INSTANT_ACTION)
+    assert error_types(bench.instant(action("stateRequest", "again"))) == []
+
+
 def test_the_pose_is_given_to_localization(bench: Bench) -> None:
     state = bench.instant(position_action(bench, **POSE))
     assert bench.poses == [Pose2(1.0, 2.0, 0.5)]
