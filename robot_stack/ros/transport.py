@@ -6,8 +6,10 @@
   whenever a participant with shared memory starts, every other one checks its ports one by one, 0.33 s each where
   the port is idle, and holds the lock without which it sends nothing (Fast DDS issue 6535). The chain that stops the
   wheels must not stand still because a process starts.
-- By UDP, and with Fast DDS's own shared-memory segment of 512 KiB, most point clouds (2.4 MB) are lost; the profile
-  ``config/fastdds.xml`` has room for them.
+- By UDP, and with Fast DDS's own shared-memory segment of 512 KiB, most point clouds (2.4 MB) are lost; the profiles
+  for ``bulk`` have room for them.
+- A slow link to another computer holds no process without clouds: what does not fit is dropped. Clouds and images
+  arrive there only if their sender waits for the link.
 """
 
 from __future__ import annotations
@@ -44,7 +46,7 @@ def apply(environment: MutableMapping[str, str] = os.environ, *, bulk: bool = Fa
     if reach == _LOCAL:
         environment[PROFILE], environment[REACH] = own.shared if bulk else own.udp, _BY_PROFILE
     else:
-        environment[PROFILE] = own.network
+        environment[PROFILE] = own.network if bulk else own.network_udp
 
 
 def keep_memory() -> None:
@@ -61,12 +63,12 @@ def keep_memory() -> None:
 
 def carries_bulk() -> bool:
     """False in a process that has no shared memory for clouds and images."""
-    return os.environ.get(PROFILE) != _profiles().udp
+    return os.environ.get(PROFILE) not in (_profiles().udp, _profiles().network_udp)
 
 
 @contextmanager
 def shared_memory() -> Iterator[None]:
-    """A context initialised inside has shared memory for receiving, whatever the process uses."""
+    """A context initialised inside has shared memory for receiving from this machine, whatever the process uses."""
     before = os.environ[REACH]
     os.environ[REACH] = _LOCAL
     try:
@@ -76,12 +78,14 @@ def shared_memory() -> Iterator[None]:
 
 
 class _Profiles(NamedTuple):
-    """Profile files: with shared memory, without, and for communication beyond this machine."""
+    """Profile files: with shared memory, without, and both for communication beyond this machine."""
 
     shared: str
     udp: str
     network: str
+    network_udp: str
 
 
 def _profiles() -> _Profiles:
-    return _Profiles(*(str(config_dir() / f"{name}.xml") for name in ("fastdds", "fastdds_udp", "fastdds_network")))
+    names = ("fastdds", "fastdds_udp", "fastdds_network", "fastdds_network_udp")
+    return _Profiles(*(str(config_dir() / f"{name}.xml") for name in names))

@@ -55,8 +55,12 @@ def test_a_process_that_takes_clouds_beside_listens_on_this_machine_alone(start:
 
 @pytest.fixture(scope="module")
 def another_host() -> Iterator[str]:
+    yield from _host()
+
+
+def _host(*shaping: str) -> Iterator[str]:
     try:
-        with other_host() as host:
+        with other_host(shaping) as host:
             yield host.name
     except (OSError, subprocess.CalledProcessError) as error:
         pytest.skip(f"no network namespaces here: {error}")
@@ -92,6 +96,24 @@ def test_a_robot_that_chose_the_network_is_reached(
     start("safety_monitor")
     _wait_known(peer, "safety_monitor")
     assert _discovered_by(another_host) == "discovered by 1 1 1"
+
+
+@pytest.fixture
+def slow_host() -> Iterator[str]:
+    """Its link needs 8 min for what the test publishes."""
+    yield from _host("tbf", "rate", "1mbit", "burst", "32kb", "limit", "2mb")
+
+
+def test_a_slow_link_to_another_computer_holds_no_publisher(slow_host: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(transport.REACH, "SUBNET")
+    monkeypatch.delenv(transport.PROFILE, raising=False)
+    command = [sys.executable, str(SCRIPTS / "slow_link.py")]
+    with subprocess.Popen(["ip", "netns", "exec", slow_host, *command, "receive"]) as subscriber:
+        try:
+            done = subprocess.run([*command, "send"], capture_output=True, text=True, check=True, timeout=120.0)
+        finally:
+            subscriber.kill()
+    assert done.stdout == "sent\n"
 
 
 @pytest.fixture

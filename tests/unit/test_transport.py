@@ -8,7 +8,9 @@ from robot_stack.contract import processes, topics
 from robot_stack.core.config import config_dir
 from robot_stack.ros import transport
 
-SHARED, UDP, NETWORK = (str(config_dir() / f"{name}.xml") for name in ("fastdds", "fastdds_udp", "fastdds_network"))
+SHARED, UDP, NETWORK, NETWORK_UDP = (
+    str(config_dir() / f"{name}.xml") for name in ("fastdds", "fastdds_udp", "fastdds_network", "fastdds_network_udp")
+)
 
 
 def applied(environment: dict[str, str], bulk: bool) -> tuple[str, str]:
@@ -16,10 +18,21 @@ def applied(environment: dict[str, str], bulk: bool) -> tuple[str, str]:
     return environment[transport.PROFILE], environment[transport.REACH]
 
 
-@pytest.mark.parametrize(("bulk", "chosen"), [(False, (UDP, "SYSTEM_DEFAULT")), (True, (SHARED, "SYSTEM_DEFAULT"))])
-@pytest.mark.parametrize("start", [{}, {transport.REACH: "LOCALHOST"}])
-def test_only_bulk_has_shared_memory(start: dict[str, str], bulk: bool, chosen: tuple[str, str]) -> None:
-    assert applied(dict(start), bulk) == chosen
+@pytest.mark.parametrize(
+    ("start", "reach", "udp", "shared"),
+    [
+        ({}, "SYSTEM_DEFAULT", UDP, SHARED),
+        ({transport.REACH: "LOCALHOST"}, "SYSTEM_DEFAULT", UDP, SHARED),
+        ({transport.REACH: "SUBNET"}, "SUBNET", NETWORK_UDP, NETWORK),
+    ],
+)
+def test_only_bulk_has_shared_memory(
+    start: dict[str, str], reach: str, udp: str, shared: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for bulk, profile in ((False, udp), (True, shared)):
+        assert applied(dict(start), bulk) == (profile, reach)
+        monkeypatch.setenv(transport.PROFILE, profile)
+        assert transport.carries_bulk() is bulk
 
 
 @pytest.mark.parametrize("parent", [False, True])
@@ -34,12 +47,11 @@ def test_a_parent_does_not_decide_for_its_child(parent: bool, child: bool) -> No
 def test_a_child_talks_as_far_as_its_parent(child: bool) -> None:
     environment = {transport.REACH: "SUBNET"}
     transport.apply(environment, bulk=True)
-    assert applied(environment, child) == (NETWORK, "SUBNET")
+    assert applied(environment, child) == (NETWORK if child else NETWORK_UDP, "SUBNET")
 
 
 @pytest.mark.parametrize("bulk", [False, True])
-def test_who_opens_the_network_or_has_a_profile_of_their_own_keeps_it(bulk: bool) -> None:
-    assert applied({transport.REACH: "SUBNET"}, bulk) == (NETWORK, "SUBNET")
+def test_a_profile_of_the_users_own_is_kept(bulk: bool) -> None:
     assert applied({transport.PROFILE: "/mine.xml"}, bulk) == ("/mine.xml", "LOCALHOST")
 
 
