@@ -248,6 +248,9 @@ class DockingController:
             step = Step(SETTING_OUT, ZERO_TWIST)
         else:
             step = self._phase.tick(view)
+        if self._station and not self.busy:
+            # Another client's goal must not pull it off, or push it into the station; a joystick precedes this command.
+            step = replace(step, twist=ZERO_TWIST)
         output = self._act(step, view)
         if not lost:
             return output

@@ -80,6 +80,7 @@ _LOST = "localization lost: check the pose on the map; RESUME goes on"
 _LOST_NOW = "localization is lost: set the pose on the map first"
 _NO_SERVER = f"waiting for {NAVIGATION}"
 _EMERGENCY = "emergency stop is active: release it and reset the safety monitor first"
+_CHARGES_ABOARD = "the battery charges with a wheelchair attached: drive clear of the charger by hand first"
 
 
 class _Asker(Enum):
@@ -339,7 +340,9 @@ class MissionKernel:
         return ()
 
     def _may_not_go(self, inputs: Inputs) -> str:
-        return _EMERGENCY if self._in_emergency(inputs) else ""
+        if self._in_emergency(inputs):
+            return _EMERGENCY
+        return _CHARGES_ABOARD if self._charges(inputs) and self._record.passenger_attached else ""
 
     def _battery_low(self, inputs: Inputs) -> str:
         return guards.battery_low(inputs, self._params.minimum_battery)
@@ -627,12 +630,12 @@ class MissionKernel:
         return inputs.docking_state == DockingState.DOCKED and not self._record.passenger_attached
 
     def _at_charger(self, inputs: Inputs) -> bool:
-        """As ``_at_dock``, also while the docking controller starts: a robot that has stood for a while charges.
+        """As ``_at_dock``, also while the docking controller starts, if the battery charges."""
+        return self._at_dock(inputs) or (self._charges(inputs) and not self._record.passenger_attached)
 
-        A braking drive charges the battery for a moment, and a full battery shows no charger.
-        """
-        charges = inputs.charging and self._departure.due and not self._record.passenger_attached
-        return self._at_dock(inputs) or charges
+    def _charges(self, inputs: Inputs) -> bool:
+        """At a charger or cable. A braking drive charges too, for a moment; a full battery shows no charger."""
+        return inputs.charging and self._departure.due
 
     def _next_order(self, inputs: Inputs, dt_s: float) -> tuple[Effect, ...]:
         """Starts the next order of a robot that has no mission, unless a person or the safety has to be waited for."""

@@ -95,7 +95,7 @@ class LookingOnce:
 
 
 class Latched:
-    """Holding a dock. Docking does not own the motion: other sources drive the robot."""
+    """Holding a dock. Docking does not own the motion, except at a station: other sources drive the robot."""
 
     def __init__(self, text: str) -> None:
         self._text = text

@@ -278,7 +278,9 @@ def test_a_wheelchair_latched_at_the_charger_is_undocked_only_after_driving_clea
         assert refused.code is UndockCode.BLOCKED
         assert "by hand" in refused.reason
     assert (bench.state, bench.outputs[-1].attached) == (DockingState.DOCKED, True)
+    assert bench.outputs[-1].twist == ZERO_TWIST, "no navigation moves it meanwhile"
     drive_by_hand(bench, 10)
+    assert bench.outputs[-1].twist is None
     bench.run(lambda: False, 0.1)
     left = bench.base
     assert bench.controller.undock(bench.situation()) is None
@@ -290,8 +292,10 @@ def test_a_robot_driven_off_the_charger_by_hand_is_not_docked() -> None:
     bench = Bench("charger", start=Pose2(1.5, 0.0, 0.0)).docked()
     drive_by_hand(bench, 49)
     assert (bench.state, bench.controller.station) == (DockingState.DOCKED, "charger")
+    assert bench.outputs[-1].twist == ZERO_TWIST
     drive_by_hand(bench, 2)
     assert (bench.state, bench.controller.station) == (DockingState.IDLE, "")
+    assert bench.outputs[-1].twist is None
     bench.run(lambda: False, 0.1)
     refused = bench.controller.undock(bench.situation())
     assert refused is not None

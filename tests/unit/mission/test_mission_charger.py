@@ -110,6 +110,15 @@ def test_a_wheelchair_that_latches_at_the_start_is_not_undocked(story):
     assert (story.state, story.calls(), story.goal.x) == (State.RUNNING, [], 2.0)
 
 
+def test_with_a_wheelchair_attached_at_the_charger_nothing_goes_on_before_it_is_driven_clear_by_hand(story):
+    docks(ride(story, "park", "park").given(faults=CRITICAL, battery=0.1).tick()).attach()
+    story.given(faults=(), battery=0.95).tick(60.0).command(ev.RESUME)
+    assert (story.state, story.status.last_command_accepted) == (State.PAUSED, False)
+    assert "clear of the charger by hand" in story.status.reason
+    story.given(charging=False).command(ev.RESUME).departs()
+    assert (story.state, story.goal.x) == (State.RUNNING, 2.0)
+
+
 @pytest.mark.parametrize("pause", [False, True])
 def test_a_robot_that_charges_by_a_cable_changes_no_destination(story, pause):
     story.start("park", {"wait": 60.0}).given(faults=("COLLISION_IMMINENT",)).tick(15.0).given(charging=True)
