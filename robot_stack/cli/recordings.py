@@ -12,11 +12,10 @@ import zstandard
 from mcap.exceptions import McapError
 from mcap.records import Channel, Message, Schema
 from mcap.stream_reader import StreamReader
-from mcap.writer import MCAP0_MAGIC
 from mcap_ros2.decoder import DecoderFactory
 
 from robot_stack.cli.errors import WRONG_USE, CommandError
-from robot_stack.recording.recovery import recorded_files
+from robot_stack.recording import recovery
 
 # Exceptions from reading an incomplete or damaged file.
 _DAMAGED = (McapError, ValueError, EOFError, struct.error, zstandard.ZstdError)
@@ -33,16 +32,9 @@ class Recorded(NamedTuple):
 def recording_files(path: Path) -> list[Path]:
     """The MCAP files of a recording's folder, or the one file. Raises CommandError."""
     try:
-        files = [path / name for name in recorded_files(path)] if path.is_dir() else [path]
-        if not files:
-            raise CommandError(f"{path} is no recording: there is no .mcap file in it", WRONG_USE)
-        for file in files:
-            with open(file, "rb") as opened:
-                if opened.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-                    raise CommandError(f"{file} is no recording: it does not begin as an MCAP file", WRONG_USE)
-    except OSError as error:
-        raise CommandError(f"{path} cannot be read: {error.strerror or error}", WRONG_USE) from None
-    return files
+        return recovery.recording_files(path)
+    except recovery.NoRecording as error:
+        raise CommandError(str(error), WRONG_USE) from None
 
 
 def read_all(

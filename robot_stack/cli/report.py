@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from robot_stack.core.rides import RideRecord
 
 _STEP_S = 0.2
+# Files of one recording follow each other: beyond these, the next file belongs to another one, and so does its ride.
+_OVERLAP_S, _PAUSE_S = 1.0, 60.0
 _FIRST_YEAR = 1970
 _COLUMNS: list[tuple[str, Literal["left", "right"]]] = [
     ("begin", "left"),
@@ -107,24 +109,32 @@ def _of_recording(path: Path) -> list[RideRecord]:
     from robot_stack.recording.rides import RideWatch
 
     messages, watch = RideMessages(), RideWatch(load_seat())
-    rides: dict[str, RideRecord] = {}
-    last_s = -math.inf
+    found: list[tuple[int, RideRecord | None]] = []  # by the number of the recording
+    last_s, number = -math.inf, 0
     for file in recording_files(path):
+        begins = True
         for item in read_messages(file, (*messages.names, topics.IMU.name), lambda _: None):
             if isinstance(item, str):
                 typer.echo(item, err=True)
                 continue
+            if begins and not -_OVERLAP_S <= item.at_s - last_s <= _PAUSE_S:
+                found.append((number, watch.end()))
+                messages, number = RideMessages(), number + 1
+            begins = False
             if abs(item.at_s - last_s) >= _STEP_S:  # also after the clock was set back
                 last_s = item.at_s
-                record = watch.step(messages.observation(item.at_s, item.at_s))
-                rides |= {record.id: record} if record else {}
+                found.append((number, watch.step(messages.observation(item.at_s, item.at_s))))
             if item.topic == topics.IMU.name:
                 add_motion(watch, item.decode())
             else:
                 messages.take(item.topic, item.decode(), item.at_s)
-    last = watch.end()
-    rides |= {last.id: last} if last else {}
-    return list(rides.values())
+    found.append((number, watch.end()))
+    rides = {(number, record.id): record for number, record in found if record}
+    # In a simulation, rides of two recordings may begin at the same time.
+    return [
+        record if number == 1 else record.model_copy(update={"id": f"{name}-{number}"})
+        for (number, name), record in rides.items()
+    ]
 
 
 def _print(title: str, rides: list[RideRecord]) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import re
 import struct
 import sys
 from collections import Counter
@@ -46,6 +47,7 @@ from robot_stack.recording.writer import LIBRARY, PROFILE
 _RECORD_HEADER = struct.Struct("<BQ")  # opcode, length of the content
 _INDEX_HEADER = struct.Struct("<HI")  # channel, length of the entries
 _INDEX_ENTRY_BYTES = 16
+_NUMBER = re.compile(r"_\d+$")  # of a file in its recording
 # Exceptions from reading a damaged chunk.
 _DAMAGED = (CRCValidationError, McapError, ValueError, struct.error, zstandard.ZstdError)
 
@@ -56,6 +58,10 @@ class NotRecoverable(Exception):
 
 class InUse(Exception):
     """A recorder is writing this file."""
+
+
+class NoRecording(Exception):
+    """A path is not one recording. The message is one line for users."""
 
 
 @dataclass(slots=True)
@@ -136,6 +142,30 @@ def recorded_files(folder: Path) -> list[str]:
     there = {path.name for path in folder.glob("*.mcap")}
     named = [name for name in metadata.recorded_files(folder) if name in there]
     return [*named, *sorted(there.difference(named), key=lambda name: (len(name), name))]
+
+
+def recording_files(path: Path) -> list[Path]:
+    """The MCAP files of a recording's folder in their order, or the one file. Raises NoRecording."""
+    try:
+        files = [path / name for name in recorded_files(path)] if path.is_dir() else [path]
+        for file in files:
+            with open(file, "rb") as opened:
+                if opened.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
+                    raise NoRecording(f"{file} is no recording: it does not begin as an MCAP file")
+    except OSError as error:
+        raise NoRecording(f"{path} cannot be read: {error.strerror or error}") from None
+    if not files:
+        raise NoRecording(f"{path} is no recording: there is no .mcap file in it")
+    named = set(metadata.recorded_files(path))
+    own = {_NUMBER.sub("", Path(name).stem) for name in named}
+    recordings: dict[str, str] = {}  # the first file of each
+    for file in files:
+        prefix = _NUMBER.sub("", file.stem)
+        recordings.setdefault("" if file.name in named or prefix in own else prefix, file.name)
+    if len(recordings) > 1:
+        names = ", ".join(recordings.values())
+        raise NoRecording(f"{path} contains {len(recordings)} recordings, which begin with {names}: choose one of them")
+    return files
 
 
 # --- reading ---------------------------------------------------------------------------------------------------------

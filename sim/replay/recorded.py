@@ -15,7 +15,6 @@ import zstandard
 from mcap.exceptions import McapError
 from mcap.records import Attachment, Channel, Message, Schema
 from mcap.stream_reader import StreamReader
-from mcap.writer import MCAP0_MAGIC
 
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
@@ -23,7 +22,7 @@ from robot_stack.contract.processes import PROCESSES
 from robot_stack.core.kept_events import CONFIG_FILE
 from robot_stack.core.message_definitions import type_hash
 from robot_stack.recording import metadata
-from robot_stack.recording.recovery import recorded_files
+from robot_stack.recording.recovery import NoRecording, recording_files
 from robot_stack.recording.writer import BagFile, Format, definitions, topic_info
 from sim.scheduler.decoding import decoder
 from sim.stack.recording import RUN_FILE, run_file
@@ -130,16 +129,9 @@ def write_thinned(recorded: Recorded, rows: Sequence[Topic], path: Path) -> None
 
 def _files(path: Path) -> list[Path]:
     try:
-        files = [path / name for name in recorded_files(path)] if path.is_dir() else [path]
-        for file in files:
-            with open(file, "rb") as opened:
-                if opened.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:
-                    raise ReplayError(f"{file} is no recording: it does not begin as an MCAP file")
-    except OSError as error:
-        raise ReplayError(f"{path} cannot be read: {error.strerror or error}") from None
-    if not files:
-        raise ReplayError(f"{path} is no recording: there is no .mcap file in it")
-    return files
+        return recording_files(path)
+    except NoRecording as error:
+        raise ReplayError(str(error)) from None
 
 
 def _messages(path: Path, recorded: Recorded) -> Iterator[tuple[str, Message]]:

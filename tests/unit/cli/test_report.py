@@ -162,6 +162,26 @@ def test_a_recording_of_a_ride(state: Path) -> None:
     assert "contains no mission" in str(error)
 
 
+def test_files_of_several_recordings_are_not_one_ride(state: Path) -> None:
+    """Files with one prefix may be parts of one recording; the times of these two show that they are not."""
+    ride = Path(__file__).resolve().parents[2] / "rides" / "first_leg.mcap"
+    parts = state / "parts"
+    parts.mkdir()
+    for name in ("ride_1.mcap", "ride_2.mcap"):
+        (parts / name).symlink_to(ride)
+    rides = json.loads(call(str(parts), "--json").stdout)
+    assert [item["distance_m"] for item in rides] == [pytest.approx(2.8, abs=0.1)] * 2
+    assert len({item["id"] for item in rides}) == 2
+    (parts / "other.mcap").symlink_to(ride)
+    error = call(str(parts)).exception
+    assert isinstance(error, CommandError)
+    assert error.code == 2
+    assert "contains 2 recordings, which begin with" in str(error)
+    (parts / "ride_1.mcap").unlink()
+    (parts / "other.mcap").unlink()
+    assert len(json.loads(call(str(parts), "--json").stdout)) == 1
+
+
 @pytest.mark.parametrize(
     ("time_s", "shown"),
     [(59.9, "59.9 s"), (59.97, "1 min 0 s"), (119.7, "2 min 0 s"), (3725.0, "62 min 5 s")],
