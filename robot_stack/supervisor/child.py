@@ -120,11 +120,15 @@ def write_to(log: Path) -> None:
         text.reconfigure(line_buffering=True)  # type: ignore[union-attr]
 
 
+def name_process(name: str) -> None:
+    """Sets the name that the kernel shows, of up to 15 characters."""
+    ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode()[:15], 0, 0, 0)
+
+
 def _show_as(name: str) -> None:
     """The name in ``ps`` and ``top``: instead of the forkserver's, which all processes would share."""
     with contextlib.suppress(OSError, ValueError, IndexError, AttributeError):
-        libc = ctypes.CDLL(None)
-        libc.prctl(_PR_SET_NAME, name.encode()[:15], 0, 0, 0)
+        name_process(name)
         # proc(5): fields 48 and 49 of stat bound the memory that holds the command line; field 2 may contain spaces.
         fields = Path("/proc/self/stat").read_text(encoding="ascii").rpartition(")")[2].split()
         begin, end = int(fields[45]), int(fields[46])

@@ -26,7 +26,7 @@ from robot_stack.supervisor.params import load_params
 LOCK_NAME = "supervisor_process"
 _POLL_S = 0.05
 _ANSWER_S = 1.0  # timeout of one poll, so that an interruption takes effect
-# Longest processor time of a supervisor until its first answer, by far: more is an endless loop.
+# Longest processor time of a supervisor and its forkserver until the first process, by far: more is an endless loop.
 _START_PROCESSOR_S = 60.0
 _STOP_MARGIN_S = 5.0  # added to the grace time of stopping processes
 
@@ -91,8 +91,9 @@ def start(
 ) -> dict[str, Any]:
     """Starts a supervisor in the background and waits until every process is ready. Returns its status.
 
-    The deadline counts from the end of all construction: compiling and loading may take any time. Until its first
-    answer, a supervisor that still gets processor time is starting, however slowly on a busy computer.
+    The deadline counts from the end of all construction: compiling and loading may take any time. Until the first
+    process is started, a supervisor that still gets processor time, or its forkserver, is starting, however slowly on a
+    busy computer.
 
     Raises StartError if the domain has one already, if it ends, or if the deadline passes; then the start continues.
     If interrupted, it stops what it has started.
@@ -164,19 +165,21 @@ def _wait_ready(
                 end_s = time.monotonic() + deadline_s
             if all(item["state"] in ("ready", "failed") for item in status["processes"]):
                 break  # nothing is left to wait for
-        if not status and computed_s < (newest_s := _processor_s(supervisor.pid)) < _START_PROCESSOR_S:
+        begun = any(item["pid"] is not None for item in status.get("processes", ()))
+        if not begun and computed_s < (newest_s := _processor_s(supervisor.pid)) < _START_PROCESSOR_S:
             computed_s, end_s = newest_s, time.monotonic() + deadline_s
         time.sleep(_POLL_S)
     raise StartError(not_ready(status))
 
 
 def _processor_s(pid: int) -> float:
-    """Processor time of a process, 0 if it has ended."""
+    """Processor time of a process and its children, 0 if it has ended."""
     try:
-        times = psutil.Process(pid).cpu_times()
+        process = psutil.Process(pid)
+        times = [item.cpu_times() for item in (process, *process.children())]
     except psutil.Error:
         return 0.0
-    return float(times.user + times.system)
+    return float(sum(item.user + item.system for item in times))
 
 
 def not_ready(status: dict[str, Any]) -> str:

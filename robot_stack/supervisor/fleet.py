@@ -12,6 +12,7 @@ from multiprocessing.context import ForkServerProcess
 from pathlib import Path
 from typing import Any
 
+import psutil
 import yaml
 
 from robot_stack.contract.model import Process
@@ -35,12 +36,23 @@ class Fleet:
         self._arguments = {p.name: _arguments(p, plan.parameters) for p in plan.processes}
         self._context = multiprocessing.get_context("forkserver")
         self._processes: dict[str, ForkServerProcess] = {}
+        self._server: psutil.Process | None = None  # that has imported everything
         os.environ[preload.MODULES_VARIABLE] = ",".join(p.module for p in plan.processes if p.module)
         self._context.set_forkserver_preload([preload.__name__])
         forkserver.ensure_running()
 
-    def start(self, process: Process) -> int:
-        """Forks the process. Returns its id."""
+    def ready(self) -> bool:
+        """True if ``start`` does not have to wait for the server's imports. A server that has ended is replaced."""
+        forkserver.ensure_running()
+        if self._server is None or not self._server.is_running():
+            self._server = None
+            with contextlib.suppress(psutil.Error):
+                children = psutil.Process().children()
+                self._server = next((child for child in children if child.name() == preload.SERVER_NAME), None)
+        return self._server is not None
+
+    def start(self, process: Process) -> int | None:
+        """Forks the process. Returns its id; None if the server has just ended."""
         assert process.module is not None
         start = child.Start(
             name=process.name,
@@ -54,7 +66,10 @@ class Fleet:
             stop_grace_s=self._params.terminate_s,
         )
         forked = self._context.Process(target=child.run, args=(start,), name=process.name)
-        forked.start()
+        try:
+            forked.start()
+        except (EOFError, OSError):
+            return None
         self._processes[process.name] = forked
         orphans.record(self.pids().values())
         assert forked.pid is not None

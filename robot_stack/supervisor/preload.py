@@ -14,9 +14,11 @@ import os
 import sys
 from collections.abc import Iterable
 
+from robot_stack.supervisor.child import name_process
+
 MODULES_VARIABLE = "ROBOT_STACK_PRELOAD"  # node modules, joined by commas; set by the supervisor for its forkserver
+SERVER_NAME = "stack-forks"  # of the forkserver's process once it has imported everything
 _LIBRARIES = (
-    "robot_stack.supervisor.child",
     "numpy",
     "rclpy",
     "robot_stack.middleware.node",
@@ -37,6 +39,7 @@ def preload(modules: Iterable[str]) -> None:
     # The garbage collector would write into every shared page; these objects live as long as the processes anyway.
     gc.collect()
     gc.freeze()
+    name_process(SERVER_NAME)
 
 
 def _prepare_numba() -> None:

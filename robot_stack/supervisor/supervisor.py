@@ -139,8 +139,10 @@ class Supervisor:
             life.starved(self._starvation.of_silence(name, pid, life.heartbeat_age_s(now_s), now_s))
         counts = judged({name: life.silent(now_s) for name, life in self._lives.items() if life.state in RUNNING})
         starting = sum(life.state is State.STARTING for life in self._lives.values())
+        # A new forkserver imports for seconds; requests are answered meanwhile.
+        forks = any(life.state is State.BACKOFF for life in self._lives.values()) and self._fleet.ready()
         for name, life in self._lives.items():
-            if self._queue.holds(name, life, starting):
+            if self._queue.holds(name, life, starting) or (life.state is State.BACKOFF and not forks):
                 continue
             match life.order(now_s, name in counts):
                 case Order.START:
@@ -155,6 +157,9 @@ class Supervisor:
 
     def _start(self, name: str) -> None:
         pid = self._fleet.start(self._rows[name])
+        if pid is None:
+            _log(f"{name}: the forkserver has ended; another one is started")
+            return
         self._lives[name].started(time.monotonic())
         _log(f"{name}: started, process {pid}")
 

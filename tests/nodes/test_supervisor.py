@@ -9,6 +9,7 @@ import signal
 import stat
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -42,6 +43,7 @@ class Stack:
     def __init__(self, folder: Path) -> None:
         self.orders = folder / "orders"
         self.orders.mkdir()
+        self.slow_import = folder / "import"
         self.logs = folder / "logs"
         self.profile = folder / "dummies.yaml"
         self.write_profile()
@@ -129,8 +131,9 @@ def _alive(pid: int) -> bool:
 
 
 @pytest.fixture
-def stack(ros_domain: int, tmp_path: Path) -> Iterator[Stack]:
+def stack(ros_domain: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Stack]:
     made = Stack(tmp_path)
+    monkeypatch.setenv("SUPERVISED_IMPORT", str(made.slow_import))
     yield made
     made.clean_up()
     wait_for(lambda: not made.alive(), "every process to be gone", 10.0)
@@ -229,7 +232,7 @@ def test_a_stack_with_a_home_of_its_own_neither_meets_nor_leaves_a_latched_stop(
 
 
 def test_killed_hung_and_stopped_processes_are_restarted_until_it_is_too_often(running: Stack) -> None:
-    """A killed forkserver costs each a restart.
+    """A killed forkserver costs each a restart; requests are answered while its successor imports.
 
     The stopped one (SIGSTOP) is alive for the kernel, without heartbeats, and does not react to SIGTERM."""
     before = {name: running.entry(name)["pid"] for name in NAMES}
@@ -253,7 +256,13 @@ def test_killed_hung_and_stopped_processes_are_restarted_until_it_is_too_often(r
 
     forkserver = psutil.Process(after["steady"]["pid"]).ppid()
     assert forkserver != ask("status")["pid"]
+    running.slow_import.touch()
     os.kill(forkserver, signal.SIGKILL)
+    for name in NAMES:
+        running.wait_entry(name, lambda item: item["state"] == "backoff", "to wait for its restart")
+    time.sleep(2.0)  # beyond the back-off
+    assert {item["state"] for item in ask("status")["processes"]} == {"backoff"}
+    running.slow_import.unlink()
     for name in NAMES:
         running.wait_entry(name, lambda item: item["state"] == "ready" and item["restarts"] == 2, "to be back again")
     assert not any(_alive(item["pid"]) for item in after.values())

@@ -3,6 +3,7 @@
 The folder ``SUPERVISED_ORDERS`` holds one file for each process, named like it, with one word in it: hang (the node's
 loop blocks), stubborn (the same, and it ignores SIGINT and SIGTERM), crash (exit code 1), refuse (exit code 2), waiting
 (not ready), locked (hangs at its end, holding the interpreter lock). A restarted process reads it again.
+While the file ``SUPERVISED_IMPORT`` exists, the import of this module does not end.
 """
 
 from __future__ import annotations
@@ -16,6 +17,9 @@ import time
 from pathlib import Path
 
 from robot_stack.middleware.node import StackNode, run
+
+while Path(os.environ.get("SUPERVISED_IMPORT", os.devnull)).is_file():
+    time.sleep(0.02)
 
 
 class Supervised(StackNode):

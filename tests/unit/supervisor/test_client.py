@@ -16,14 +16,15 @@ from robot_stack.supervisor.control import NotRunning
 
 DEADLINE_S = 10.0
 READY = {"ready": True, "processes": []}
+IMPORTING = {"ready": False, "log_dir": "", "processes": [{"name": "a", "state": "backoff", "reason": "", "pid": None}]}
 
 
 class Computer:
     """A computer in fake time. Its supervisor computes share of the time and answers from a processor time on."""
 
-    def __init__(self, share: Callable[[float], float], answers_at_s: float) -> None:
+    def __init__(self, share: Callable[[float], float], answers_at_s: float, forks_at_s: float = 0.0) -> None:
         self.now_s = self.computed_s = 0.0
-        self._share, self._answers_at_s = share, answers_at_s
+        self._share, self._answers_at_s, self._forks_at_s = share, answers_at_s, forks_at_s
 
     def monotonic(self) -> float:
         return self.now_s
@@ -35,7 +36,7 @@ class Computer:
     def ask(self, verb: str, timeout_s: float = 5.0) -> dict[str, Any]:
         if self.computed_s < self._answers_at_s:
             raise NotRunning("no supervisor")
-        return READY
+        return READY if self.computed_s >= self._forks_at_s else IMPORTING
 
 
 class Silent:
@@ -62,6 +63,13 @@ def test_supervisor_may_start_slowly_on_a_busy_computer(share: float, monkeypatc
     computer = Computer(lambda _: share, answers_at_s=3.0)
     assert started(computer, monkeypatch) == READY
     assert computer.now_s == pytest.approx(3.0 / share, abs=0.1)
+
+
+def test_the_deadline_does_not_count_while_the_forkserver_imports(monkeypatch: pytest.MonkeyPatch) -> None:
+    computer = Computer(lambda _: 0.01, answers_at_s=1.0, forks_at_s=3.0)
+    assert started(computer, monkeypatch) == READY
+    with pytest.raises(StartError, match="not ready"):
+        started(Computer(lambda now_s: float(now_s < 2.0), answers_at_s=1.0, forks_at_s=3.0), monkeypatch)
 
 
 def test_supervisor_that_hangs_before_its_first_answer_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
