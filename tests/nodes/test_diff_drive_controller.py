@@ -30,6 +30,7 @@ from tests.support.waiting import wait_for
 CONFIG = read_yaml(config_dir() / "diff_drive_controller.yaml")
 RADIUS_M, TRACK_M = CONFIG["wheel_radius"], CONFIG["wheel_to_wheel"]
 RAMP_S = 0.2
+SLOW_RAMP_S = 1.0  # is seen several times even by a test without processor time
 QUICK = ("-p", f"acc_time:={RAMP_S}", "-p", f"dec_time:={RAMP_S}")
 # A stalled client looks silent, and silence is rest: streams that must not pause get a longer timeout.
 STREAM = ("-p", "cmd_vel_timeout_s:=1.0")
@@ -184,7 +185,7 @@ def test_documented_topics(rig: Rig) -> None:
     rig.drive(0.45, 0.6)
     left, right = (0.45 - 0.3 * TRACK_M) / RADIUS_M, (0.45 + 0.3 * TRACK_M) / RADIUS_M
     rig.wait_wheels(left, right)
-    assert rig.echo.last == twist(0.45, 0.6)
+    rig.echo.wait(lambda m: m == twist(0.45, 0.6), "the echo")
     speeds = rig.speeds.wait(lambda m: abs(m.data[1] - right) < 0.05, "measured speeds")
     assert list(speeds.data) == pytest.approx([left, right], abs=0.05)
 
@@ -202,7 +203,7 @@ def test_documented_topics(rig: Rig) -> None:
     clock = rig.peer.node.get_clock()
     rig.peer.repeat(topics.WMX_CMD_VEL_STAMPED, lambda: stamped(0.9, clock.now().to_msg()), 20.0)
     rig.wait_wheels(0.9 / RADIUS_M, 0.9 / RADIUS_M)
-    assert rig.echo.last == twist(0.9)
+    rig.echo.wait(lambda m: m == twist(0.9), "the echo")
     rig.peer.repeat(topics.WMX_CMD_VEL_STAMPED, lambda: stamped(0.9, Time(sec=1)), 20.0)
     rig.wait_rest()
     node.wait_output("/diff_drive_controller/cmd_vel left out: it is ")
@@ -264,7 +265,7 @@ def test_hung_node_killed_node_killed_engine_and_orderly_end(rig: Rig) -> None:
     rig.node.process.wait()
     rig.wait_rest()
 
-    node = rig.start_node(*STREAM)
+    node = rig.start_node(*STREAM, "-p", f"dec_time:={SLOW_RAMP_S}", "-p", "end_timeout_s:=30.0")
     rig.stays_at_rest()  # the stream of twists began before the node
     rig.set_out(0.5)
     rig.engine.kill()
@@ -275,7 +276,7 @@ def test_hung_node_killed_node_killed_engine_and_orderly_end(rig: Rig) -> None:
     rig.set_out(0.5)
 
     node.signal(signal.SIGTERM)
-    assert braking_s(rig.wait_status, 0, 0.5 / RADIUS_M) == pytest.approx(RAMP_S, rel=0.02)
+    assert braking_s(rig.wait_status, 0, 0.5 / RADIUS_M) == pytest.approx(SLOW_RAMP_S, rel=0.02)
     assert node.wait() == 0
     rig.wait_status(lambda s: not s.servo_on.any(), "servos off")
     assert rig.engine.device.read_status()[1].communicating, "the bus belongs to all"

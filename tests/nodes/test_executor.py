@@ -31,12 +31,8 @@ def ros(ros_domain: int) -> Iterator[tuple[Node, LeanExecutor]]:
     rclpy.try_shutdown(context=context)
 
 
-def _spin_until(executor: LeanExecutor, done: Any, turns: int = 400) -> None:
-    for _ in range(turns):
-        if done():
-            return
-        executor.spin_once(0.05)
-    raise AssertionError("the executor never got there")
+def _spin_until(executor: LeanExecutor, done: Any) -> None:
+    wait_for(lambda: done() or executor.spin_once(0.05), "what the executor serves", poll_s=0.0)
 
 
 def test_timer_publisher_and_late_subscription(ros: tuple[Node, LeanExecutor]) -> None:

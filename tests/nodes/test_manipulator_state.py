@@ -139,9 +139,12 @@ def test_names_and_options(start: Start, peer: Peer, engine: TestEngine) -> None
     isaac = peer.listen(topics.ISAAC_JOINT_COMMAND)
     first = isaac.wait(lambda _: True, "the Isaac Sim states")
     assert first.header.stamp.sec > 0
-    names = [name for name, _ in peer.node.get_topic_names_and_types() if peer.node.count_publishers(name)]
-    assert "/arm/joint_states" in names
-    assert not {"/joint_states", "/gazebo_position_controller/commands", "/gazebo_joint_topic/no_param"} & set(names)
+
+    def published() -> set[str]:
+        return {name for name, _ in peer.node.get_topic_names_and_types() if peer.node.count_publishers(name)}
+
+    wait_for(lambda: "/arm/joint_states" in published(), "the renamed topic")
+    assert not published() & {"/joint_states", "/gazebo_position_controller/commands", "/gazebo_joint_topic/no_param"}
     assert engine.device.io.SetOutBit(0, 1, 1) == 0
     isaac.wait(lambda m: list(m.position[6:]) == [CLOSED, CLOSED], "closed fingers")
     node.wait_health("")  # ready although the servos are off

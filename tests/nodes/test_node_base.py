@@ -63,7 +63,7 @@ def test_exception_publishes_safe_output_and_prints_error(start: Start, peer: Pe
     process = example(start, "--crash-after", "20")
     assert process.wait() == 1
     assert "ZeroDivisionError" in process.output()
-    assert received.last.linear.x == 0.0
+    received.wait(lambda message: message.linear.x == 0.0, "the safe output")
 
 
 def test_a_process_that_was_held_up_says_so_and_blames_nobody(start: Start, peer: Peer) -> None:

@@ -75,8 +75,7 @@ def test_sweeps_corrupt_packets_silence_and_a_new_start(
     assert abs(time_to_s(message.header.stamp) - time.time()) < 30.0
     values = says(diagnostics, NAME, "sweeps arrive")
     assert values["device"].startswith("OS-1-16 122201000998, 512x10, RNG19_RFL8_SIG16_NIR16, Ouster at 127.0.0.1")
-    lidar.extra = b"\x02" + lidar.packet(0)[1:]
-    wait_for(lambda: int(says(diagnostics, NAME, "")["packets corrupt"]) == 1, "a corrupt packet")
+    lidar.damage(b"\x02" + lidar.packet(0)[1:], diagnostics, NAME)
     # The cable is pulled: the node reports it and does not repeat old data.
     lidar.sends = False
     says(diagnostics, NAME, f"no packets from the Ouster at {LIDAR_IP}, port {lidar.port}")

@@ -84,8 +84,8 @@ def test_vendor_cloud_is_converted_and_silence_is_reported(start: Start, peer: P
     assert (np.diff(stamps) > 0.0).all()
     values = says(diagnostics, name, "sweeps arrive")
     assert (values["layout"], values["stamp at"]) == (vendor.name, "first")
-    place = next(t for m in mountings.messages for t in m.transforms if t.child_frame_id == frame)
-    assert place.header.frame_id == "base_link"
+    (place,) = mountings.wait(lambda message: message.transforms, "the mounting").transforms
+    assert (place.header.frame_id, place.child_frame_id) == ("base_link", frame)
     # The cable is pulled: the node reports it and repeats no old data; after plugging in it continues.
     driver.stop()
     says(diagnostics, name, f"{vendor_row.name} is silent")

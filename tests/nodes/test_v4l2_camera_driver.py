@@ -90,7 +90,7 @@ def test_both_cameras_that_keep_their_own_exposure_and_what_goes_wrong(
     cameras.start(monkeypatch)
     for received, picture in zip(cameras.images, pictures, strict=True):
         wait_picture(received, picture)
-    image, info = cameras.images[0].last, cameras.infos.last
+    image, info = cameras.images[0].last, cameras.infos.wait(lambda _: True, "a calibration")
     assert (image.encoding, image.width, image.height, image.step) == ("mono8", WIDTH, HEIGHT, WIDTH)
     assert image.header.frame_id == info.header.frame_id == "front_camera"
     assert (info.width, info.height, info.k[0]) == (WIDTH, HEIGHT, 900.0)
@@ -118,7 +118,7 @@ def test_an_image_is_stamped_with_the_middle_of_its_exposure(cameras: Cameras, m
     cameras.show(cameras.front, scene(3).tobytes())
     cameras.start(monkeypatch, "pixel_format:=GREY", "devices.rear:=''", "exposure_s:=0.01", "readout_s:=0.02")
     wait_for(lambda: len(cameras.images[0].items) >= 20, "images")
-    apart_s = time.time() - time.monotonic()
+    apart_s = max(time.time() - time.monotonic() for _ in range(10))  # the process may be paused between the two
     begun_s, stamped_s = [], []
     for message in cameras.images[0].messages:
         begun_s.append(1e-6 * struct.unpack("<q", bytes(message.data[:8]))[0])

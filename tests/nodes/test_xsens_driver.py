@@ -87,7 +87,7 @@ def test_samples_silence_and_a_pulled_cable(start: Start, peer: Peer, device: De
     steps = [(later - earlier) / PERIOD_S for earlier, later in pairwise(stamps)]
     assert all(abs(step - round(step)) < 0.2 and round(step) >= 1 for step in steps), steps
     assert abs(stamps[-1] - time.time()) < 30.0
-    assert mountings.last.transforms[0].child_frame_id == "imu"
+    assert mountings.wait(lambda message: message.transforms, "the mounting").transforms[0].child_frame_id == "imu"
     says(diagnostics, "xsens_driver", "samples arrive")
     # Garbage and a corrupt frame are counted, and the next sample arrives. A line that is full loses some of them.
     device.extra = b"\x00\x01" + frame(0x36, b"\x10\x60\x04\x00")[:-1] + b"\x00"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Generator
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -14,6 +15,7 @@ from rclpy.node import Node
 
 from custom_msgs.action import Dock
 from robot_stack.contract import actions
+from robot_stack.contract.model import Action
 from robot_stack.ros.executor import LeanExecutor
 from robot_stack.ros.interfaces import interface_class
 from tests.support.waiting import wait_for
@@ -50,7 +52,7 @@ class FakeDocking:
                 self.node,
                 interface_class(row.type),
                 row.name,
-                execute_callback=self._execute,
+                execute_callback=partial(self._execute, row),
                 goal_callback=lambda _: GoalResponse.REJECT if self.rejects else GoalResponse.ACCEPT,
                 cancel_callback=self._on_cancel,
             )
@@ -65,9 +67,11 @@ class FakeDocking:
         self.cancelled += 1
         return CancelResponse.ACCEPT
 
-    async def _execute(self, goal: Any) -> Any:
-        action = goal._action_server._action_type
+    async def _execute(self, row: Action, goal: Any) -> Any:
+        action = interface_class(row.type)
         self.goals.append((action.__name__.lower(), goal.request.dock_id))
+        while not self.node.count_subscribers(f"{row.name}/_action/feedback"):
+            await _Moment()  # discovered after the services
         for state in ("SERVOING", "FINE_ALIGN"):
             goal.publish_feedback(action.Feedback(state=state))
             await self._pause(_STEP_S)

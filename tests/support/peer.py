@@ -46,9 +46,15 @@ class Received:
         wait_for(self.subscription.get_publisher_count, f"a publisher of {self.subscription.topic_name}")
 
     def wait(self, condition: Callable[[Any], bool], what: str, deadline_s: float = DEADLINE_S) -> Any:
-        """Waits until ``condition`` holds for the newest message, and returns it."""
-        wait_for(lambda: self.items and condition(self.last), what, deadline_s, poll_s=0.002)
-        return self.last
+        """Returns the newest message or the first later one for which ``condition`` holds."""
+        asked = max(0, len(self.items) - 1)
+
+        def found() -> list[Any]:
+            nonlocal asked
+            begun, asked = asked, len(self.items)
+            return [message for message in self.messages[begun:asked] if condition(message)]
+
+        return wait_for(found, what, deadline_s, poll_s=0.002)[0]
 
 
 def says(diagnostics: Received, node: str, text: str) -> dict[str, str]:

@@ -7,6 +7,9 @@ import threading
 import time
 from collections.abc import Callable
 
+from tests.support.peer import Received, says
+from tests.support.waiting import wait_for
+
 
 class UdpLidar:
     """packet: the bytes of the n-th packet, one every ``packet_s``. sends: False simulates a pulled cable.
@@ -39,6 +42,19 @@ class UdpLidar:
             if self.extra:
                 self._socket.sendto(self.extra, (self.IP, self.port))
                 self.extra = b""
+
+    def damage(self, data: bytes, diagnostics: Received, driver: str) -> None:
+        """Sends corrupt data until the driver reports it: without processor time, it loses packets."""
+
+        def counted() -> int:
+            return int(says(diagnostics, driver, "")["packets corrupt"])
+
+        def reported() -> bool:
+            self.extra = data
+            return counted() > before
+
+        before = counted()
+        wait_for(reported, "a corrupt packet")
 
     def close(self) -> None:
         self._ended.set()
