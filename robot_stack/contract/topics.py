@@ -259,7 +259,7 @@ TELEOP_CMD_VEL = Topic(
     "geometry_msgs/msg/TwistStamped",
     qos.COMMAND,
     ("touch_ui", "joystick_driver", TEST_TOOL),
-    ("swerve_controller", "safety_monitor", "mission_manager"),
+    ("swerve_controller", "safety_monitor", "mission_manager", "navigation_controller"),
     "velocity in base_link from manual control; highest priority of the three command sources",
     rate_hz=20.0,
     stale_s=0.2,

@@ -60,7 +60,7 @@ _EMERGENCY = Refusal(GoalCode.STOPPED, "an emergency stop is active: send the go
 class Situation:
     """Inputs of a tick. located: None while pose or odometry are missing; ``located_problem`` is the reason.
 
-    blind: why obstacle data is missing, else an empty text.
+    blind: why obstacle data is missing, else an empty text. manual: a person controls the drive by hand.
     """
 
     now_s: float
@@ -68,6 +68,7 @@ class Situation:
     located_problem: str = ""
     emergency_stop: bool = False
     blind: str = ""
+    manual: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,7 +257,8 @@ class NavigationController:
         self._departure.elapse(None if located is None else located.twist, dt_s)
         if situation.emergency_stop:
             self.stop()
-        self._check_progress(dt_s)
+        if not situation.manual:
+            self._check_progress(dt_s)
         obstacle = self._obstacle(situation)
         if obstacle and self._state is not NavigationState.IDLE:
             self._hold(obstacle)

@@ -78,6 +78,7 @@ class NavigationControllerNode(StackNode):
         self.subscribe(topics.GOAL_POSE, self._on_goal)
         self._limit = self.subscribe(topics.VELOCITY_LIMIT, self._on_velocity_limit)
         self.subscribe(topics.MISSION_VELOCITY_LIMIT, self._on_mission_limit)
+        self._teleop = self.subscribe(topics.TELEOP_CMD_VEL)
         WheelchairInput(self, self.controller.set_passenger)
         if self.params.use_costmap:
             self.subscribe(topics.LOCAL_COSTMAP, self._on_costmap)
@@ -181,7 +182,7 @@ class NavigationControllerNode(StackNode):
         located, problem = self._poses.located(self.now_s(), self.steady_s())
         blind = self.controller.around.problem(self.steady_s())
         problem = "; ".join(filter(None, self._problems.values())) or problem or blind
-        situation = Situation(self.now_s(), located, problem, self.emergency_stop, blind)
+        situation = Situation(self.now_s(), located, problem, self.emergency_stop, blind, self._teleop.fresh())
         if self._goals.cancel_requested:
             self.controller.cancel()
         output = self.controller.tick(situation)

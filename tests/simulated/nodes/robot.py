@@ -16,12 +16,16 @@ BLIND = {**WITHOUT_MAP, "use_costmap": False}
 
 
 class DrivenRobot:
-    """Executes /cmd_vel and publishes odometry at 50 Hz and its pose at 10 Hz; odom equals map."""
+    """Executes /cmd_vel and publishes odometry at 50 Hz and its pose at 10 Hz; odom equals map.
+
+    held: it stands, whatever is commanded.
+    """
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
         self.pose, self.twist = IDENTITY, ZERO_TWIST
         self.driven_m = 0.0
+        self.held = False
         self._last_s = bench.stamp_s()
         self.commands = bench.listen(topics.CMD_VEL, self._on_command)
         bench.repeat(topics.ODOM, self.odometry, 50.0)
@@ -33,7 +37,7 @@ class DrivenRobot:
 
     def _on_command(self, message: Twist) -> None:
         self._move()
-        self.twist = twist_from_msg(message)
+        self.twist = ZERO_TWIST if self.held else twist_from_msg(message)
 
     def _move(self) -> None:
         now_s = self._bench.stamp_s()

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from geometry_msgs.msg import PoseStamped, Twist
+from geometry_msgs.msg import PoseStamped, Twist, TwistStamped
 from nav_msgs.msg import OccupancyGrid
 from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Bool
@@ -128,6 +128,16 @@ def test_missing_pose_stops_and_a_fresh_one_resumes_from_rest(scene: Scene) -> N
     scene.robot.know_pose()
     first = scene.commands.wait(moving, "motion again")
     assert twist_from_msg(first).speed() < 0.1
+
+
+def test_a_stick_at_rest_holds_the_robot_without_ending_its_goal(scene: Scene) -> None:
+    scene.go_at(0.5)
+    scene.robot.held = True
+    scene.bench.repeat(topics.TELEOP_CMD_VEL, TwistStamped, 20.0)
+    scene.bench.run(20.0)
+    scene.bench.silence(topics.TELEOP_CMD_VEL)
+    scene.robot.held = False
+    scene.arrive()
 
 
 def test_silent_odometry_stops(scene: Scene) -> None:

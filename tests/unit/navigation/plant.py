@@ -58,6 +58,7 @@ class Ride:
     drive: Drive
     now_s: float = 50.0
     emergency_stop: bool = False
+    manual: bool = False
     pose_known: bool = True
     outputs: list[Output] = field(default_factory=list)
     errors_m: list[float] = field(default_factory=list)
@@ -72,7 +73,8 @@ class Ride:
 
     def tick(self) -> Output:
         problem = "" if self.pose_known else "/current_pose silent"
-        output = self.controller.tick(Situation(self.now_s, self.located(), problem, self.emergency_stop))
+        situation = Situation(self.now_s, self.located(), problem, self.emergency_stop, manual=self.manual)
+        output = self.controller.tick(situation)
         self.outputs.append(output)
         for _ in range(5):
             self.drive.step(output.twist)

@@ -271,6 +271,20 @@ def test_goal_of_a_robot_that_does_not_follow_its_commands_ends(held_from_s: flo
     story.until_reached()
 
 
+def test_goal_of_a_robot_that_a_person_holds_by_hand_control_continues() -> None:
+    story = ride()
+    story.go(Pose2(8.0, 0.0, 0.0))
+    story.run(4.0)
+    story.drive.blocked = story.manual = True
+    story.run(30.0)
+    assert all(output.end is None for output in story.outputs)
+    story.manual = False
+    story.run(11.0)
+    assert all(output.end is None for output in story.outputs), "the time held does not count afterwards"
+    story.drive.blocked = False
+    story.until_reached()
+
+
 def test_cancelled_goal_of_a_robot_that_is_held_back_leaves_no_command() -> None:
     story = ride()
     story.go(Pose2(8.0, 0.0, 0.0))
