@@ -7,11 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config, load
-
-Positive = Annotated[float, Field(gt=0.0)]
-NonNegative = Annotated[float, Field(ge=0.0)]
-Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+from robot_stack.core.config import Config, Fraction, NotNegative, Positive, load
 
 
 class Physics(Config):
@@ -20,7 +16,7 @@ class Physics(Config):
     timestep_s: Annotated[float, Field(gt=0.0, le=0.004)]
     friction_ratio: Annotated[float, Field(ge=1.0, le=1000.0)]
     contact_time_s: Positive
-    contact_sink_m: NonNegative
+    contact_sink_m: NotNegative
     solver_iterations: Annotated[int, Field(ge=1, le=200)]
 
     @model_validator(mode="after")
@@ -35,8 +31,8 @@ class Wheel(Config):
 
     contact_patch_radius_m: Positive
     rolling_friction_nm: Positive
-    viscous_friction_nms: NonNegative
-    rotor_inertia_kgm2: NonNegative
+    viscous_friction_nms: NotNegative
+    rotor_inertia_kgm2: NotNegative
     radius_tolerance: Annotated[float, Field(ge=0.0, le=0.02)]
 
 
@@ -44,8 +40,8 @@ class Steering(Config):
     """One steering module at its vertical axis."""
 
     friction_nm: Positive
-    viscous_friction_nms: NonNegative
-    rotor_inertia_kgm2: NonNegative
+    viscous_friction_nms: NotNegative
+    rotor_inertia_kgm2: NotNegative
     mass_above_axle_m: float
     zero_error_rad: Annotated[float, Field(ge=0.0, le=0.1)]
 
@@ -54,7 +50,7 @@ class Suspension(Config):
     """Vertical compliance of one module."""
 
     stiffness_n_per_m: Positive
-    damping_ratio: NonNegative
+    damping_ratio: NotNegative
     travel_m: Positive
 
 
@@ -110,8 +106,8 @@ class LatchMechanism(Config):
 class PerMotor(Config):
     """A value for each kind of motor."""
 
-    drive: NonNegative
-    steer: NonNegative
+    drive: NotNegative
+    steer: NotNegative
 
 
 class CoggingPerRev(Config):
@@ -125,8 +121,8 @@ class SpeedLoop(Config):
     """Velocity loop of one kind of servo drive: PI with acceleration feed-forward on an observed speed."""
 
     speed_gain_nms: Positive
-    speed_integral_per_s: NonNegative
-    acceleration_feedforward_kgm2: NonNegative
+    speed_integral_per_s: NotNegative
+    acceleration_feedforward_kgm2: NotNegative
     observer_bandwidth_radps: Positive
     constant_torque_speed_radps: Positive
 
@@ -141,9 +137,9 @@ class Drives(Config):
     """The servo drives."""
 
     bus_watchdog_s: Positive
-    servo_on_delay_s: NonNegative
-    alarm_clear_delay_s: NonNegative
-    brake_release_delay_s: NonNegative
+    servo_on_delay_s: NotNegative
+    alarm_clear_delay_s: NotNegative
+    brake_release_delay_s: NotNegative
     brake_hold_delay_s: Positive
     brake_close_speed_radps: Positive
     brake_close_timeout_s: Positive
@@ -162,16 +158,16 @@ class Drives(Config):
 class Imu(Config):
     """Noise model of the inertial unit; standard deviations."""
 
-    latency_s: NonNegative
-    accelerometer_noise_mps2: NonNegative
-    accelerometer_bias_mps2: NonNegative
-    accelerometer_bias_walk_mps2_per_sqrt_s: NonNegative
-    gyroscope_noise_radps: NonNegative
-    gyroscope_bias_radps: NonNegative
-    gyroscope_bias_walk_radps_per_sqrt_s: NonNegative
-    attitude_error_rad: NonNegative
+    latency_s: NotNegative
+    accelerometer_noise_mps2: NotNegative
+    accelerometer_bias_mps2: NotNegative
+    accelerometer_bias_walk_mps2_per_sqrt_s: NotNegative
+    gyroscope_noise_radps: NotNegative
+    gyroscope_bias_radps: NotNegative
+    gyroscope_bias_walk_radps_per_sqrt_s: NotNegative
+    attitude_error_rad: NotNegative
     attitude_error_time_s: Positive
-    heading_walk_rad_per_sqrt_s: NonNegative
+    heading_walk_rad_per_sqrt_s: NotNegative
 
 
 class Battery(Config):
@@ -183,11 +179,11 @@ class Battery(Config):
     charge: tuple[Fraction, ...]
     cell_voltage_v: tuple[Positive, ...]
     internal_resistance_ohm: Positive
-    idle_power_w: NonNegative
+    idle_power_w: NotNegative
     drive_efficiency: Annotated[float, Field(gt=0.0, le=1.0)]
     copper_loss_w_per_nm2: PerMotor
     temperature_c: float
-    voltage_noise_v: NonNegative
+    voltage_noise_v: NotNegative
 
     @model_validator(mode="after")
     def _curve_rises(self) -> Battery:

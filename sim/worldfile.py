@@ -12,10 +12,9 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config, ConfigError, config_dir, read_yaml, validate
+from robot_stack.core.config import Config, ConfigError, Positive, config_dir, read_yaml, validate
 from robot_stack.core.geometry import Pose2
 
-Positive = Annotated[float, Field(gt=0.0)]
 Friction = Annotated[float, Field(gt=0.0, le=2.0)]
 
 

@@ -13,16 +13,22 @@ import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Annotated, Any, Final, TypeVar
 
 import yaml
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from robot_stack.core.errors import ConfigError as ConfigError
 
 # libyaml's loader if it is installed: ten times as fast, and every process reads some files at start-up.
 _LOADER: Final = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
+# Ranges that many parameters have.
+Positive = Annotated[float, Field(gt=0.0)]
+NotNegative = Annotated[float, Field(ge=0.0)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+Share = Annotated[float, Field(gt=0.0, le=1.0)]
+Count = Annotated[int, Field(ge=1)]
 
 SITE_VARIABLE: Final = "ROBOT_STACK_SITE"
 

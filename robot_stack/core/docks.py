@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from robot_stack.contract.frames import FRONT_CAMERA, REAR_CAMERA
-from robot_stack.core.config import Config, load
+from robot_stack.core.config import Config, Positive, load
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import Robot, load_robot
 
-Positive = Annotated[float, Field(gt=0.0)]
 MarkerId = Annotated[int, Field(ge=0, le=999)]
 
 

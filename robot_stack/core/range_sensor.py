@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 from scipy.spatial.transform import Rotation
 
-from robot_stack.core.config import Config
+from robot_stack.core.config import Config, Positive
 
-Positive = Annotated[float, Field(gt=0.0)]
 Angle = Annotated[float, Field(ge=-180.0, le=180.0)]
 Xyz = Annotated[tuple[float, float, float], Field(description="m, base_link")]
 F64 = NDArray[np.float64]

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from robot_stack.contract import frames
-from robot_stack.core.config import Config, load
+from robot_stack.core.config import Config, Positive, load
 from robot_stack.core.range_sensor import RangeSensor
 
-Positive = Annotated[float, Field(gt=0.0)]
 Bit = Annotated[int, Field(ge=0, lt=8)]
 Xyz = Annotated[tuple[float, float, float], Field(description="m, base_link")]
 _LARGEST_GEAR: Final = 2147483647

@@ -12,7 +12,7 @@ from pydantic import Field
 from scipy.spatial.transform import Rotation
 
 from robot_stack.contract import frames
-from robot_stack.core.config import Config, load
+from robot_stack.core.config import Config, Positive, load
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import Robot
 
@@ -22,7 +22,6 @@ Matrix = NDArray[np.float64]
 _SPOKE_WIDTH = 0.25  # of the wheel's radius
 _SPOKE_PROUD = 1.1  # of the wheel's width: it shows on both sides
 
-Positive = Annotated[float, Field(gt=0.0)]
 Triple = tuple[float, float, float]
 Colour = Annotated[str, Field(pattern="^#[0-9a-f]{6}$")]
 

@@ -2,14 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
-
-from pydantic import Field
-
-from robot_stack.core.config import Config
-
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
+from robot_stack.core.config import Config, NotNegative, Positive
 
 
 class InflationParams(Config):

@@ -6,10 +6,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from robot_stack.core.config import Config, load
+from robot_stack.core.config import Config, Positive, load
 from robot_stack.core.range_sensor import RangeSensor
-
-Positive = Annotated[float, Field(gt=0.0)]
 
 
 class CoverageParams(Config):

@@ -8,9 +8,9 @@ from pydantic import Field, model_validator
 
 from robot_stack.contract import topics
 from robot_stack.contract.frames import DRIVE_AXES, STEER_AXES
-from robot_stack.core.config import Config
+from robot_stack.core.config import Config, Positive
 from robot_stack.core.robot import Robot
-from robot_stack.drive.params import Positive, max_wheel_speed_mps
+from robot_stack.drive.params import max_wheel_speed_mps
 from robot_stack.drive.wheel_axes import AxisSettings
 from robot_stack.wmx.session_params import SessionParams
 

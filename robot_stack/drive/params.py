@@ -8,14 +8,10 @@ from typing import Annotated
 
 from pydantic import Field
 
-from robot_stack.core.config import Config
+from robot_stack.core.config import Config, NotNegative, Positive, Share
 from robot_stack.core.robot import Robot
 from robot_stack.drive.feasibility import ModuleLimits
 from robot_stack.drive.kinematics import Positions
-
-Positive = Annotated[float, Field(gt=0.0)]
-Share = Annotated[float, Field(gt=0.0, le=1.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
 
 
 class ModuleParams(Config):

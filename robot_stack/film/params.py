@@ -6,9 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from robot_stack.core.config import Config
-
-Positive = Annotated[float, Field(gt=0.0)]
+from robot_stack.core.config import Config, Positive
 
 
 class Camera(Config):

@@ -8,10 +8,9 @@ from urllib.parse import urlsplit
 
 from pydantic import Field, field_validator, model_validator
 
-from robot_stack.core.config import Config
+from robot_stack.core.config import Config, Positive
 
 _PORTS: Final = {"mqtt": 1883, "mqtts": 8883}
-Positive = Annotated[float, Field(gt=0.0)]
 
 
 class BrokerParams(Config):

@@ -6,12 +6,10 @@ from typing import Annotated
 
 from pydantic import Field, StringConstraints
 
-from robot_stack.core.config import Config
+from robot_stack.core.config import Config, Count, Positive
 from robot_stack.fleet.mqtt_params import BrokerParams
 from robot_stack.fleet.version import Version
 
-Positive = Annotated[float, Field(gt=0.0)]
-Count = Annotated[int, Field(ge=1)]
 # A level of the topics (6.3).
 Level = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9_.:-]{1,64}$")]
 

@@ -6,12 +6,8 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config
+from robot_stack.core.config import Config, NotNegative, Positive, Share
 from robot_stack.localization.ndt.params import NdtParams
-
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
-Share = Annotated[float, Field(gt=0.0, le=1.0)]
 
 
 class OdometryParams(Config):

@@ -6,10 +6,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from robot_stack.core.config import Config
-
-Positive = Annotated[float, Field(gt=0.0)]
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
+from robot_stack.core.config import Config, Fraction, Positive
 
 
 class Sweeps(Config):
@@ -57,11 +54,11 @@ class WheelOdometry(Config):
 class Loops(Config):
     time_apart_s: Positive
     radius_m: Positive
-    drift_share: Share
+    drift_share: Fraction
     every_m: Positive
     window: Annotated[int, Field(ge=0)]
     voxels_m: Annotated[tuple[float, ...], Field(min_length=1)]
-    fewest_share: Share
+    fewest_share: Fraction
     deviation_m: Positive
     deviation_rad: Positive
     robust: Positive
@@ -75,7 +72,7 @@ class Refinement(Config):
     range_m: Positive
     deviation_m: Positive
     deviation_rad: Positive
-    fewest_share: Share
+    fewest_share: Fraction
 
 
 class MovingObjectParams(Config):
@@ -103,7 +100,7 @@ class GridSettings(Config):
     slope: Positive
     noise_m: Positive
     bump_m: Positive
-    bump_share: Share
+    bump_share: Fraction
     bump_width_m: Positive
     fewest_cells: Annotated[int, Field(ge=1)]
     structure_from_m: Positive
@@ -151,7 +148,7 @@ class Teach(Config):
     begin_s: Positive
     idle_s: Positive
     apart_m: Positive
-    apart_share: Share
+    apart_share: Fraction
     line_s: Positive
     picture_s: Positive
     picture_px: Annotated[int, Field(ge=100, le=8000)]

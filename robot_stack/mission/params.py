@@ -6,9 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config
-
-Positive = Annotated[float, Field(gt=0.0)]
+from robot_stack.core.config import Config, Positive
 
 
 class MissionParams(Config):

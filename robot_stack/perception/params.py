@@ -6,11 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config
-
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
-Count = Annotated[int, Field(ge=1)]
+from robot_stack.core.config import Config, Count, NotNegative, Positive
 
 
 class CropParams(Config):

@@ -6,9 +6,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from robot_stack.core.config import Config
+from robot_stack.core.config import Config, Positive
 
-Positive = Annotated[float, Field(gt=0.0)]
 Percent = Annotated[float, Field(gt=0.0, le=100.0)]
 
 

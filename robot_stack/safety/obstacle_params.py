@@ -7,10 +7,7 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from robot_stack.contract import topics
-from robot_stack.core.config import Config
-
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
+from robot_stack.core.config import Config, NotNegative, Positive
 
 
 class CollisionParams(Config):

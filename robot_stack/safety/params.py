@@ -10,13 +10,11 @@ from typing import Annotated
 from pydantic import Field, field_validator, model_validator
 
 from robot_stack.contract import faults, processes
-from robot_stack.core.config import Config
+from robot_stack.core.config import Config, Fraction, Positive
 from robot_stack.safety.computer_params import ComputerParams, LinkParams
 from robot_stack.safety.obstacle_params import CollisionParams, LidarParams, ObstacleParams, PedestrianCollisionParams
 
-Positive = Annotated[float, Field(gt=0.0)]
 Degrees = Annotated[float, Field(gt=0.0, lt=90.0)]
-Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class DescentParams(Config):

@@ -8,9 +8,7 @@ from pydantic import Field, model_validator
 
 from robot_stack.contract.model import Criticality
 from robot_stack.contract.processes import BY_NAME
-from robot_stack.core.config import Config, load
-
-Positive = Annotated[float, Field(gt=0.0)]
+from robot_stack.core.config import Config, Positive, load
 
 
 class Backoff(Config):

@@ -7,10 +7,9 @@ from typing import Annotated
 from pydantic import Field, field_validator
 
 from robot_stack.contract.processes import BY_NAME
-from robot_stack.core.config import Config
+from robot_stack.core.config import Config, Positive
 
 _ITSELF = "system_monitor"
-Positive = Annotated[float, Field(gt=0.0)]
 
 
 class SystemMonitorParams(Config):

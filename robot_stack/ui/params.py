@@ -9,7 +9,6 @@ from pydantic import Field, StringConstraints, model_validator
 
 from robot_stack.core.config import Config
 
-Positive = Annotated[float, Field(gt=0.0)]
 Language = Literal["en", "ja", "zh"]
 StopButton = Literal["passenger", "left", "right", "front", "rear"]
 PersonCheck = Literal["latch", "belt", "brakes", "lidars", "safety_edge"]

@@ -14,7 +14,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config, config_dir, load, read_yaml, validate
+from robot_stack.core.config import Config, NotNegative, Positive, config_dir, load, read_yaml, validate
 from robot_stack.core.pacing import SpinLimits
 from robot_stack.core.robot import load_robot
 from robot_stack.wmx.api.values import MAX_AXES, MAX_IO_BYTES
@@ -27,8 +27,6 @@ STALE_VARIABLE = "ROBOT_STACK_WMX_STATUS_STALE_S"
 # A paused engine also pauses /clock, so its status ages by the system's clock alone.
 HELD_UP_STALE_S = 2.0
 
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
 Bit = Annotated[int, Field(ge=0, lt=8)]
 
 

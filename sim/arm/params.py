@@ -6,12 +6,8 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config
+from robot_stack.core.config import Config, Fraction, NotNegative, Positive
 from robot_stack.wmx.config import EngineConfig
-
-Positive = Annotated[float, Field(gt=0.0)]
-NonNegative = Annotated[float, Field(ge=0.0)]
-Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 
 N_JOINTS = 6
 
@@ -35,7 +31,7 @@ class Masses(Config):
 class Body(Config):
     """Links. ``elbow_share``: of upper arm and forearm, the mass at their far joint; the rest is spread along them."""
 
-    pedestal_m: NonNegative
+    pedestal_m: NotNegative
     base_height_m: Positive
     upper_arm_m: Positive
     forearm_m: Positive
@@ -82,13 +78,13 @@ class JointKind(Config):
     constant_torque_speed_radps: Positive
     no_load_speed_radps: Positive
     armature_kgm2: Positive
-    friction_nm: NonNegative
-    viscous_friction_nms: NonNegative
+    friction_nm: NotNegative
+    viscous_friction_nms: NotNegative
     brake_torque_nm: Positive
     position_gain_per_s: Positive
     speed_gain_nms: Positive
-    speed_integral_per_s: NonNegative
-    acceleration_feedforward_kgm2: NonNegative
+    speed_integral_per_s: NotNegative
+    acceleration_feedforward_kgm2: NotNegative
     stop_deceleration_radps2: Positive
 
     @model_validator(mode="after")
@@ -113,11 +109,11 @@ class Drives(Config):
 
     observer_bandwidth_radps: Positive
     torque_lag_s: Positive
-    dynamic_brake_nms: NonNegative
-    servo_on_delay_s: NonNegative
-    alarm_clear_delay_s: NonNegative
-    brake_release_delay_s: NonNegative
-    brake_engage_delay_s: NonNegative
+    dynamic_brake_nms: NotNegative
+    servo_on_delay_s: NotNegative
+    alarm_clear_delay_s: NotNegative
+    brake_release_delay_s: NotNegative
+    brake_engage_delay_s: NotNegative
     brake_preset: Fraction
     stop_timeout_s: Positive
     standstill_radps: Positive
@@ -134,7 +130,7 @@ class ArmParams(Config):
     start_rad: Annotated[tuple[float, ...], Field(min_length=N_JOINTS, max_length=N_JOINTS)]
     body: Body
     gripper: Gripper
-    payload_kg: NonNegative
+    payload_kg: NotNegative
     cube: Cube | None
     kinds: dict[str, JointKind]
     joints: Annotated[tuple[Joint, ...], Field(min_length=N_JOINTS, max_length=N_JOINTS)]

@@ -7,11 +7,8 @@ from typing import Annotated
 
 from pydantic import Field
 
-from robot_stack.core.config import Config, load
+from robot_stack.core.config import Config, Fraction, NotNegative, Positive, load
 
-Positive = Annotated[float, Field(gt=0.0)]
-NonNegative = Annotated[float, Field(ge=0.0)]
-Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
 Small = Annotated[float, Field(ge=0.0, le=0.05)]
 
 
@@ -45,7 +42,7 @@ class Sensor(Config):
     """Numbers of the sensor; dn: grey levels of the 8-bit image."""
 
     white_dn: Annotated[float, Field(gt=0.0, le=255.0)]
-    read_noise_dn: NonNegative
+    read_noise_dn: NotNegative
     full_well_e: Positive
     max_gain: Annotated[float, Field(ge=1.0)]
 
@@ -58,7 +55,7 @@ class BoardPaint(Config):
     panel: Fraction
     cover: Fraction
     dirt: Fraction
-    margin_m: NonNegative
+    margin_m: NotNegative
 
 
 class BackdropParams(Config):

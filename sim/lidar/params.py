@@ -7,14 +7,11 @@ from typing import Annotated
 from pydantic import Field, model_validator
 
 from robot_stack.contract import frames
-from robot_stack.core.config import Config, load
+from robot_stack.core.config import Config, Fraction, NotNegative, Positive, load
 from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.core.robot import load_robot
 
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
 _FULL_TURN_DEG = 360.0
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
 
 
 class Beams(Config):
@@ -41,8 +38,8 @@ class RangingModel(Config):
 
     # A square target of 10 % reflectivity is seen half of the time at this range.
     range_at_ten_percent_m: Positive
-    lost_share: Share
-    mixed_share: Share
+    lost_share: Fraction
+    mixed_share: Fraction
     # Neighbouring beams this far apart make an edge; surfaces farther apart than the reach are resolved.
     mixed_step_m: Positive
     mixed_reach_m: Positive
@@ -71,30 +68,30 @@ class Wet(Config):
     """Wet ground and its effects."""
 
     friction_below: NotNegative
-    reflectivity: Share
-    lost_share: Share
-    mirror_share: Share
-    mirror_reflectivity: Share
+    reflectivity: Fraction
+    lost_share: Fraction
+    mirror_share: Fraction
+    mirror_reflectivity: Fraction
 
 
 class Reflectivity(Config):
     """Share of light that a surface reflects, by kind of object."""
 
-    ground: Share
-    ramp: Share
-    kerb: Share
-    wall: Share
-    box: Share
-    cylinder: Share
-    station: Share
-    person: Share
-    chair: Share
+    ground: Fraction
+    ramp: Fraction
+    kerb: Fraction
+    wall: Fraction
+    box: Fraction
+    cylinder: Fraction
+    station: Fraction
+    person: Fraction
+    chair: Fraction
 
 
 class Cover(Config):
     """Returns of a covered lens: a share of the beams returns from a short range, the rest not at all."""
 
-    return_share: Share
+    return_share: Fraction
     nearest_m: NotNegative
     farthest_m: Positive
 
@@ -107,7 +104,7 @@ class Air(Config):
     beam_divergence_mrad: Positive
     # Least signal, as in ``returns``, at which a particle is detected.
     least_signal: Positive
-    seen_share: Share
+    seen_share: Fraction
     rain_reflectivity: Annotated[float, Field(gt=0.0, le=1.0)]
     snow_reflectivity: Annotated[float, Field(gt=0.0, le=1.0)]
     # Diameter of a flake in diameters of the drop that it melts to.
@@ -132,7 +129,7 @@ class Glare(Config):
 
     reach_deg: Annotated[float, Field(gt=0.0, le=90.0)]
     false_per_m: NotNegative
-    lost_share: Share
+    lost_share: Fraction
 
 
 class LidarParams(Config):

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 from rich.progress import Progress
 
-from robot_stack.core.config import Config, load
+from robot_stack.core.config import Config, Positive, load
 from robot_stack.core.geometry import Pose2, Twist2, wrap_angle
 from sim.mapping.recorded_drive import RecordedDrive
 from sim.mapping.ride_writer import RideWriter
@@ -24,7 +24,6 @@ from sim.plant.world import Setup
 from sim.worldfile import WorldFile, load_world
 
 F64 = NDArray[np.float64]
-Positive = Annotated[float, Field(gt=0.0)]
 
 _ROOM_M = 0.05
 _PATIENCE_S, _ASIDE_MPS = 3.0, 0.3

@@ -6,11 +6,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config
-
-Positive = Annotated[float, Field(gt=0.0)]
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
-Count = Annotated[int, Field(ge=1)]
+from robot_stack.core.config import Config, Count, Fraction, Positive
 
 
 class SearchParams(Config):
@@ -24,8 +20,8 @@ class SearchParams(Config):
     threshold_windows_px: Annotated[list[Annotated[int, Field(ge=3)]], Field(min_length=1)]
     threshold_constant: Positive
     smallest_side_px: Positive
-    error_correction: Share
-    border_error_share: Share
+    error_correction: Fraction
+    border_error_share: Fraction
     shrunk_side_px: Annotated[float, Field(ge=20.0)]
     region_margin_share: Positive
     region_margin_px: Positive
@@ -51,8 +47,8 @@ class EdgeParams(Config):
     coarse_window_px: Annotated[float, Field(ge=2.0, le=16.0)]
     fine_window_px: Annotated[float, Field(ge=2.0, le=16.0)]
     min_contrast: Positive
-    min_contrast_share: Share
-    min_samples_share: Share
+    min_contrast_share: Fraction
+    min_samples_share: Fraction
     end_share: Annotated[float, Field(ge=0.0, lt=0.4)]
     scatter_floor_px: Positive
     systematic_px: Positive
@@ -86,7 +82,7 @@ class PoseParams(Config):
     ambiguous_cost: Positive
     ambiguous_sigma_rad: Positive
     quality_half_sigma_m: Positive
-    ambiguous_quality: Share
+    ambiguous_quality: Fraction
 
 
 class DetectorParams(Config):

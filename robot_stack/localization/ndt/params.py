@@ -7,12 +7,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config
-
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
-Share = Annotated[float, Field(ge=0.0, le=1.0)]
-Count = Annotated[int, Field(ge=1)]
+from robot_stack.core.config import Config, Count, Fraction, NotNegative, Positive
 
 
 class CloudParams(Config):
@@ -99,9 +94,9 @@ class EvidenceParams(Config):
     all three must be constrained.
     """
 
-    least_score: Share
-    min_agreement: Share
-    max_pierced: Share
+    least_score: Fraction
+    min_agreement: Fraction
+    max_pierced: Fraction
     min_contrast: Annotated[float, Field(gt=1.0)]
     max_residual: Positive
     held_sigma_m: Positive
@@ -122,14 +117,14 @@ class GateParams(Config):
     expected_directions of 36, and more than max_unseen_share of them are empty in the sweep: then it contradicts.
     """
 
-    min_score: Share
-    sure_score: Share
-    max_pierced: Share
+    min_score: Fraction
+    sure_score: Fraction
+    max_pierced: Fraction
     evidence: EvidenceParams
     min_structure_points: Count
     expected_range_m: Positive
     expected_directions: Count
-    max_unseen_share: Share
+    max_unseen_share: Fraction
     max_reversals: Count
     max_jump_m: Positive
     max_jump_rad: Positive
@@ -159,13 +154,13 @@ class SearchParams(Config):
 
     near_radius_m: Positive
     near_turn_rad: Annotated[float, Field(gt=0.0, le=math.pi)]
-    near_ratio: Share
+    near_ratio: Fraction
     step_m: Positive
     yaw_steps: Annotated[int, Field(ge=8)]
     points: Annotated[int, Field(ge=50)]
     candidates: Annotated[int, Field(ge=2)]
-    min_score: Share
-    ambiguous_ratio: Share
+    min_score: Fraction
+    ambiguous_ratio: Fraction
     apart_m: Positive
     apart_rad: Positive
     position_sigma_m: Positive
@@ -184,7 +179,7 @@ class HypothesisParams(Config):
 
     most: Annotated[int, Field(ge=2)]
     decide_way_m: Positive
-    dropped_ratio: Share
+    dropped_ratio: Fraction
     idle_sweeps: Count
     max_jump_m: Positive
     max_jump_rad: Positive
@@ -198,7 +193,7 @@ class DeadReckoningParams(Config):
     """
 
     max_way_m: Positive
-    least_factor: Share
+    least_factor: Fraction
 
 
 class SlipParams(Config):
@@ -210,7 +205,7 @@ class SlipParams(Config):
 
     window_s: Positive
     least_m: Positive
-    share: Share
+    share: Fraction
     sigmas: Positive
 
 
@@ -222,13 +217,13 @@ class MatchQualityParams(Config):
     accepted match counts 1 up to fresh_s, 0 from stale_s on. unsure: upper limit while a found pose is not confirmed.
     """
 
-    zero_score: Share
-    full_score: Share
+    zero_score: Fraction
+    full_score: Fraction
     zero_contrast: Positive
     full_contrast: Positive
     fresh_s: Positive
     stale_s: Positive
-    unsure: Share
+    unsure: Fraction
 
     @model_validator(mode="after")
     def _ordered(self) -> MatchQualityParams:

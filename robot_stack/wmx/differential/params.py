@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config
+from robot_stack.core.config import Config, Positive
 from robot_stack.core.geometry import covariance_of_message
 from robot_stack.core.limits import MotionLimits
 from robot_stack.wmx.api import MAX_AXES
@@ -18,7 +18,6 @@ from robot_stack.wmx.differential.kinematics import BaseGeometry, WheelAxes
 from robot_stack.wmx.session_params import Pause, SessionParams
 
 Axis = Annotated[int, Field(ge=0, lt=MAX_AXES)]
-Positive = Annotated[float, Field(gt=0.0)]
 NotNegative = Annotated[float, Field(ge=0.0, le=1e3)]
 Polarity = Literal[1, -1]
 Matrix3 = tuple[float, ...]

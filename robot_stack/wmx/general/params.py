@@ -6,11 +6,8 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config
+from robot_stack.core.config import Config, NotNegative, Positive
 from robot_stack.wmx.api import MAX_AXES
-
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
 
 
 class GeneralParams(Config):

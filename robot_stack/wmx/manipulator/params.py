@@ -7,9 +7,9 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config
+from robot_stack.core.config import Config, Positive
 from robot_stack.wmx.api.values import MAX_AXES, MAX_IO_BYTES
-from robot_stack.wmx.config import Bit, Positive
+from robot_stack.wmx.config import Bit
 from robot_stack.wmx.session_params import SessionParams
 
 N_FINGERS = 2

@@ -6,13 +6,11 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from robot_stack.core.config import Config
+from robot_stack.core.config import Config, NotNegative, Positive
 from robot_stack.wmx.api.values import MAX_IO_BYTES, MAX_SPLINE_DIMENSIONS
 from robot_stack.wmx.session_params import LinkParams
 from robot_stack.wmx.trajectory.goal import GoalLimits
 
-Positive = Annotated[float, Field(gt=0.0)]
-NotNegative = Annotated[float, Field(ge=0.0)]
 Name = Annotated[str, Field(min_length=1)]
 _BUSIEST_HZ = 500.0
 
