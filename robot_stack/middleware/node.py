@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from collections.abc import Callable
 from functools import cached_property
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, ClassVar, ParamSpec, TypeVar
 
 from builtin_interfaces.msg import Time
 from pydantic import BaseModel
@@ -17,7 +17,16 @@ from std_msgs.msg import Bool
 from custom_msgs.msg import SafetyStatus
 from robot_stack.contract import topics
 from robot_stack.contract.graph import RECORDERS
-from robot_stack.contract.model import EVERY_NODE, Action, ContractViolation, SafetyState, Service, System, Topic
+from robot_stack.contract.model import (
+    EVERY_NODE,
+    Action,
+    ContractViolation,
+    Process,
+    SafetyState,
+    Service,
+    System,
+    Topic,
+)
 from robot_stack.contract.processes import BY_NAME
 from robot_stack.core.health import InputHealth, InputState
 from robot_stack.core.robot import Robot, load_robot
@@ -54,6 +63,12 @@ class StackNode:
     Raises AlreadyRunning if this domain has a node of this name, ConfigError if the parameters are wrong,
     ContractViolation for an endpoint that the contract does not give this node.
     """
+
+    bulk: ClassVar[bool] = False
+
+    def __init_subclass__(cls, *, bulk: bool = False) -> None:
+        """bulk: the node publishes or subscribes to clouds or images (``robot_stack.ros.transport``)."""
+        cls.bulk = bulk or cls.bulk
 
     def __init__(self, name: str, parameters: type[BaseModel] | None = None) -> None:
         self.port: Port = open_port(name)
@@ -311,12 +326,8 @@ class StackNode:
         self.port.close()
 
 
-def run(*node_classes: Callable[[], StackNode], bulk: bool = False) -> None:
-    """The body of every node's ``main``: runs the nodes on ROS until a signal, then exits with its code.
-
-    bulk: they publish or subscribe to clouds or images.
-    """
-    raise SystemExit(importlib.import_module("robot_stack.ros.process").run_nodes(*node_classes, bulk=bulk))
-
-
-__all__ = ["StackNode", "run"]
+def node_class(row: Process) -> type[StackNode]:
+    """The class of a process with one node: ``<Node>Node`` of its module."""
+    name = "".join(part.capitalize() for part in row.name.split("_"))
+    found: type[StackNode] = getattr(importlib.import_module(str(row.module)), f"{name.removesuffix('Node')}Node")
+    return found

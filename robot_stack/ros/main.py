@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import sys
 
+from robot_stack.contract.model import Process
 from robot_stack.contract.processes import BY_NAME, available
 
 
@@ -16,7 +17,16 @@ def main(name: str) -> None:
         known = ", ".join(item.name for item in available())
         print(f"error: {name} {why}; nodes that can run: {known}", file=sys.stderr)
         raise SystemExit(2)
-    importlib.import_module(process.module).main()
+    run(process)
+
+
+def run(process: Process) -> None:
+    """Runs a process until a signal, by the ``main`` of its module or, without one, its node; exits with its code."""
+    host = getattr(importlib.import_module(str(process.module)), "main", None)
+    if host is None:
+        node = importlib.import_module("robot_stack.middleware.node").node_class(process)
+        raise SystemExit(importlib.import_module("robot_stack.ros.process").run_nodes(node, bulk=node.bulk))
+    host()
 
 
 if __name__ == "__main__":

@@ -1,10 +1,9 @@
-"""Set-up of a forked process before its node's ``main`` runs."""
+"""Set-up of a forked process before its node runs."""
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
-import importlib
 import math
 import os
 import signal
@@ -16,7 +15,9 @@ from dataclasses import dataclass
 from multiprocessing import connection, parent_process
 from pathlib import Path
 
+from robot_stack.contract.model import Process
 from robot_stack.core.node_record import NodeRecord
+from robot_stack.ros.main import run as run_process
 
 _PR_SET_PDEATHSIG = 1
 _PR_SET_NAME = 15
@@ -32,8 +33,7 @@ class Start:
     stop_grace_s: time between SIGINT and SIGKILL when the supervisor has died.
     """
 
-    name: str
-    module: str
+    process: Process
     arguments: tuple[str, ...]  # of its command line, after the program's name
     environment: Mapping[str, str]
     log: Path
@@ -48,17 +48,17 @@ def run(start: Start) -> None:
     os.setsid()  # its own process group: Ctrl-C reaches the supervisor alone, and nothing of the process escapes `down`
     die_with_the_forkserver()
     write_to(start.log)
-    _show_as(start.name)
+    _show_as(start.process.name)
     go_first(start.niceness, start.realtime_priority)
     if start.lock_memory:
         _keep_in_memory()
     os.environ.update(start.environment)
-    NodeRecord(start.name).constructing("imports")
-    sys.argv = [start.name, *start.arguments]
+    NodeRecord(start.process.name).constructing("imports")
+    sys.argv = [start.process.name, *start.arguments]
     orphaned = threading.Event()
     threading.Thread(target=_follow_the_supervisor, args=(orphaned, start.stop_grace_s), daemon=True).start()
     try:
-        importlib.import_module(start.module).main()
+        run_process(start.process)
     except KeyboardInterrupt:  # interrupted before the node had its own handler
         raise SystemExit(128 + signal.SIGINT) from None
     finally:

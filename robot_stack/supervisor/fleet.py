@@ -53,10 +53,8 @@ class Fleet:
 
     def start(self, process: Process) -> int | None:
         """Forks the process. Returns its id; None if the server has just ended."""
-        assert process.module is not None
         start = child.Start(
-            name=process.name,
-            module=process.module,
+            process=process,
             arguments=self._arguments[process.name],
             environment=self._environment,
             log=self._run_dir / f"{process.name}.log",

@@ -20,7 +20,7 @@ from robot_stack.core.docks import Docks, load_docks
 from robot_stack.core.runtime import runtime_dir
 from robot_stack.drivers.nodes.camera_output import camera_transform
 from robot_stack.middleware.conversions import camera_info, time_from_s
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from sim.camera.conditions import Conditions
 from sim.camera.faults import CameraFaults
 from sim.camera.history import BodyHistory, ExposurePlan
@@ -104,7 +104,7 @@ class _Camera:
     exposed: bool = False
 
 
-class CameraDriverNode(StackNode):
+class CameraDriverNode(StackNode, bulk=True):
     """Takes an image once the history of the bodies covers its exposure."""
 
     def __init__(self) -> None:
@@ -200,11 +200,3 @@ def _picture(camera: _Camera, time_s: float, motion: Motion | None, conditions: 
 def _dock_by_body(docks: Docks) -> dict[str, str]:
     """Dock ids by the body that carries the board: a station by its name, the wheelchair by its kind."""
     return {_WHEELCHAIR_BODY if dock.kind == "wheelchair" else name: name for name, dock in docks.docks.items()}
-
-
-def main() -> None:
-    run(CameraDriverNode, bulk=True)
-
-
-if __name__ == "__main__":
-    main()

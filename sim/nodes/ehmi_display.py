@@ -10,7 +10,7 @@ from robot_stack.contract import services, topics
 from robot_stack.core.display_patterns import load_patterns
 from robot_stack.core.display_picture import description
 from robot_stack.core.runtime import runtime_dir
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from sim.ehmi.faults import DisplayFaults
 from sim.ehmi.firmware import Display
 from sim.ehmi.line import DisplayLine
@@ -52,11 +52,3 @@ class EhmiDisplayNode(StackNode):
     def destroy_node(self) -> None:
         self._line.close()
         super().destroy_node()
-
-
-def main() -> None:
-    run(EhmiDisplayNode)
-
-
-if __name__ == "__main__":
-    main()

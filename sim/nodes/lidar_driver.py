@@ -7,7 +7,6 @@ import numpy as np
 from robot_stack.contract import frames, services, topics
 from robot_stack.core.config import ConfigError
 from robot_stack.core.point_cloud import Points
-from robot_stack.middleware.node import run
 from sim.devices.ouster import OusterSensor
 from sim.devices.udp import UdpSender
 from sim.lidar.faults import FROZEN, RATE, SILENT
@@ -103,11 +102,3 @@ class _Head:
 
     def close(self) -> None:
         self._sender.close()
-
-
-def main() -> None:
-    run(LidarDriverNode, bulk=True)
-
-
-if __name__ == "__main__":
-    main()

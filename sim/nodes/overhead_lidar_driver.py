@@ -10,7 +10,6 @@ from robot_stack.contract import frames, services, topics
 from robot_stack.core.point_cloud import Points, xyz_of
 from robot_stack.core.robot_shape import load_robot_shape
 from robot_stack.middleware.conversions import time_from_s
-from robot_stack.middleware.node import run
 from robot_stack.middleware.point_cloud import cloud_message
 from sim.lidar.bodies import robot_shapes
 from sim.lidar.faults import FROZEN, RATE, SILENT
@@ -82,11 +81,3 @@ class OverheadLidarDriverNode(TurningLidar):
         times_s = end_s + points["time"].astype(np.float64)
         cloud["timestamp"] = 1e9 * times_s
         return self._vendor.filled(cloud, time_from_s(float(times_s[0]) if len(times_s) else end_s))
-
-
-def main() -> None:
-    run(OverheadLidarDriverNode, bulk=True)
-
-
-if __name__ == "__main__":
-    main()

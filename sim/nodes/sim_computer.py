@@ -6,7 +6,7 @@ from pathlib import Path
 
 from robot_stack.contract import services, topics
 from robot_stack.core.runtime import recordings_dir, runtime_dir
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from sim.computer.computer import SimComputer
 from sim.computer.faults import ComputerFaults
 from sim.computer.params import SimComputerParams
@@ -46,11 +46,3 @@ class SimComputerNode(StackNode):
 def _existing(folder: Path) -> Path:
     """The folder, or the nearest one above it that is there already: it will lie on the same file system."""
     return next(path for path in (folder, *folder.parents) if path.exists())
-
-
-def main() -> None:
-    run(SimComputerNode)
-
-
-if __name__ == "__main__":
-    main()

@@ -51,7 +51,7 @@ class LidarDriverParams(Config):
     silence_s: Annotated[float, Field(gt=0.0)]
 
 
-class TurningLidar(StackNode):
+class TurningLidar(StackNode, bulk=True):
     """Measures a part of a turn once the bodies' poses reach its end.
 
     sensor: of ``config/robot.yaml``, also its frame. parts: of a turn that are measured one by one.

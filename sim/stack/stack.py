@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import importlib
 import os
 import shutil
 import tempfile
@@ -16,7 +15,7 @@ from robot_stack.contract import topics
 from robot_stack.contract.model import Process as Row
 from robot_stack.contract.model import Topic
 from robot_stack.core.config import SITE_VARIABLE
-from robot_stack.middleware.node import StackNode
+from robot_stack.middleware.node import StackNode, node_class
 from robot_stack.middleware.port import Port, Publisher
 from robot_stack.supervisor.profile import WORLD_NODES, Plan, load_plan
 from robot_stack.wmx import EngineError, MotionEngine
@@ -161,10 +160,7 @@ def node_factories(row: Row) -> Sequence[Callable[[], StackNode]]:
     """Factories of the nodes of a process of the contract."""
     if row.name == _WORLD:
         return SimWorld, ImuDriver, BatteryDriver
-    assert row.module is not None
-    name = "".join(part.capitalize() for part in row.name.split("_"))
-    module = importlib.import_module(row.module)
-    return (getattr(module, name if name.endswith("Node") else f"{name}Node"),)
+    return (node_class(row),)
 
 
 @contextlib.contextmanager

@@ -16,7 +16,8 @@ import sys
 import time
 from pathlib import Path
 
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
+from robot_stack.ros.process import run_nodes
 
 while Path(os.environ.get("SUPERVISED_IMPORT", os.devnull)).is_file():
     time.sleep(0.02)
@@ -63,4 +64,4 @@ def _stand_still() -> None:
 
 
 def main() -> None:
-    run(Supervised)
+    raise SystemExit(run_nodes(Supervised))

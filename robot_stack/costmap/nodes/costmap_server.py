@@ -11,7 +11,7 @@ from robot_stack.contract import frames, topics
 from robot_stack.costmap.costmap import LocalCostmap, Space, space_problem
 from robot_stack.costmap.params import CostmapParams
 from robot_stack.middleware.conversions import time_to_s
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.wheelchair import WheelchairInput
 
 
@@ -66,7 +66,3 @@ class CostmapServerNode(StackNode):
             self.set_health(False, f"waiting for {', '.join(silent)}")
         else:
             self.set_health(not self._problem, self._problem or "mapping")
-
-
-def main() -> None:
-    run(CostmapServerNode)

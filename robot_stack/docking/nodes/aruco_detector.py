@@ -21,7 +21,7 @@ from robot_stack.docking.warm_up import warm_up
 from robot_stack.middleware.conversions import time_to_s
 from robot_stack.middleware.image import grey_image
 from robot_stack.middleware.inputs import Input
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.wire import ImageView
 
 _CAMERAS = {
@@ -32,7 +32,7 @@ _CAMERAS = {
 _LOOK_HZ = 20.0
 
 
-class ArucoDetectorNode(StackNode):
+class ArucoDetectorNode(StackNode, bulk=True):
     """Detects markers during docking, and publishes empty arrays otherwise."""
 
     def __init__(self) -> None:
@@ -132,7 +132,3 @@ class ArucoDetectorNode(StackNode):
         )
         self.report.values["detect_ms"] = f"{taken_ms:.2f}" if self._on else "off"
         self.report.values["markers"] = ", ".join(str(item.marker_id) for item in output.detections) or "none"
-
-
-def main() -> None:
-    run(ArucoDetectorNode, bulk=True)

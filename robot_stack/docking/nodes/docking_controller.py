@@ -22,7 +22,7 @@ from robot_stack.docking.results import DockCode, Result, UndockCode
 from robot_stack.docking.situation import Output, Situation
 from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.navigation_client import NavigationClient
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 
 _TICK_HZ = topics.DOCKING_CMD_VEL.nominal_rate_hz
 _TICKS_PER_LATCH_STATUS = round(_TICK_HZ / topics.LATCH_STATUS.nominal_rate_hz)
@@ -160,7 +160,3 @@ class DockingControllerNode(StackNode):
             "latch problem": self._latch.problem,
             "learnt": ", ".join(f"{name} ({item.dockings})" for name, item in self._controller.corrections.items()),
         }
-
-
-def main() -> None:
-    run(DockingControllerNode)

@@ -25,7 +25,7 @@ from robot_stack.drive.params import SwerveControllerParams
 from robot_stack.drive.permission import Permission, Situation, permit
 from robot_stack.drive.swerve_drive import DriveOutput
 from robot_stack.middleware.conversions import time_to_s, twist_from_msg, twist_stamped
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.wheelchair import WheelchairInput
 
 _PERIOD_S = 1.0 / topics.WHEEL_COMMANDS.nominal_rate_hz
@@ -147,7 +147,3 @@ class SwerveControllerNode(StackNode):
         else:
             self.set_health(permission.ready, permission.reason)
         self.report.values = self._controller.figures(output)
-
-
-def main() -> None:
-    run(SwerveControllerNode)

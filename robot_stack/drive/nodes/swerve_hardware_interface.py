@@ -12,7 +12,7 @@ from robot_stack.drive.nodes.conversions import joint_states
 from robot_stack.drive.session import DriveSession
 from robot_stack.drive.wheel_axes import BadWheelCommands, checked_set_points
 from robot_stack.middleware.conversions import time_from_s, time_to_s
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.wmx import connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import load_client_config
@@ -131,7 +131,3 @@ class SwerveHardwareInterfaceNode(StackNode):
             return True
         self._watch(snapshot)
         return False
-
-
-def main() -> None:
-    run(SwerveHardwareInterfaceNode)

@@ -9,7 +9,7 @@ from robot_stack.drivers.nodes.battery_message import battery_state, reported_fl
 from robot_stack.drivers.nodes.vendor_input import VendorInput
 from robot_stack.drivers.vendor.battery import BatteryAdapterParams, complaint, reading
 from robot_stack.middleware.conversions import time_from_s
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 
 _WATCH_HZ = 2.0
 
@@ -45,7 +45,3 @@ class BatteryAdapterNode(StackNode):
         problem = self._input.problem() or self._complaint
         self.set_health(not problem, problem or "readings arrive")
         self.report.values |= self._input.values()
-
-
-def main() -> None:
-    run(BatteryAdapterNode)

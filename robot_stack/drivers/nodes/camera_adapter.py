@@ -10,13 +10,13 @@ from robot_stack.drivers.nodes.camera_output import CameraOutput, publish_mounti
 from robot_stack.drivers.nodes.vendor_input import VendorInput
 from robot_stack.drivers.vendor.image import CameraAdapterParams, CameraTopicParams, Picture, grey
 from robot_stack.middleware.conversions import time_from_s
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.wire import ImageView
 
 _ROWS = {"front": topics.VENDOR_FRONT_IMAGE, "rear": topics.VENDOR_REAR_IMAGE}
 
 
-class CameraAdapterNode(StackNode):
+class CameraAdapterNode(StackNode, bulk=True):
     def __init__(self) -> None:
         super().__init__("camera_adapter", CameraAdapterParams)
         given = {name: getattr(self.params, name) for name in _ROWS}
@@ -53,7 +53,3 @@ class _Camera:
         )
         pixels = grey(picture, self.params, self._output.height, self._output.width)
         self._output.publish(pixels, time_from_s(stamp_s + self.params.exposure_middle_s))
-
-
-def main() -> None:
-    run(CameraAdapterNode, bulk=True)

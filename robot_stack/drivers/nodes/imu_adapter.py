@@ -8,7 +8,7 @@ from robot_stack.contract import topics
 from robot_stack.drivers.nodes.imu_output import ImuOutput
 from robot_stack.drivers.nodes.vendor_input import VendorInput
 from robot_stack.drivers.vendor.imu import ImuAdapter, ImuAdapterParams
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 
 
 class ImuAdapterNode(StackNode):
@@ -41,7 +41,3 @@ class ImuAdapterNode(StackNode):
         problem = self._input.problem()
         self.set_health(not problem, problem or "samples arrive")
         self.report.values |= {**self._input.values(), **self._adapter.counters.values()}
-
-
-def main() -> None:
-    run(ImuAdapterNode)

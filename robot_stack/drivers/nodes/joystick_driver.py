@@ -14,7 +14,7 @@ from robot_stack.drivers.joystick.teleop import Teleop
 from robot_stack.drivers.nodes.joystick_file import JoystickFile
 from robot_stack.middleware.conversions import twist_stamped
 from robot_stack.middleware.device_thread import DeviceThread
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 
 
 class JoystickDriverNode(StackNode):
@@ -69,7 +69,3 @@ class JoystickDriverNode(StackNode):
     def destroy_node(self) -> None:
         self._thread.close()
         super().destroy_node()
-
-
-def main() -> None:
-    run(JoystickDriverNode)

@@ -11,7 +11,7 @@ from robot_stack.drivers.modbus.params import ModbusBatteryDriverParams
 from robot_stack.drivers.nodes.battery_message import battery_state
 from robot_stack.drivers.nodes.modbus_unit import ModbusUnit
 from robot_stack.middleware.device_thread import DeviceThread
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 
 _WATCH_HZ = 2.0
 
@@ -53,7 +53,3 @@ class ModbusBatteryDriverNode(StackNode):
     def destroy_node(self) -> None:
         self._thread.close()
         super().destroy_node()
-
-
-def main() -> None:
-    run(ModbusBatteryDriverNode)

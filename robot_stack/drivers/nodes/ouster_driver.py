@@ -9,7 +9,6 @@ from robot_stack.drivers.nodes.packet_lidar import PacketLidarNode
 from robot_stack.drivers.ouster.params import OusterDriverParams
 from robot_stack.drivers.ouster.sweeps import SweepBuilder
 from robot_stack.drivers.ouster.warm_up import warm_up
-from robot_stack.middleware.node import run
 
 
 class OusterDriverNode(PacketLidarNode):
@@ -23,7 +22,3 @@ class OusterDriverNode(PacketLidarNode):
         check(metadata, source, sensor)
         warm_up()
         return SweepBuilder(self.params, metadata, source, self.robot.to_sensor_frame(frames.LIDAR))
-
-
-def main() -> None:
-    run(OusterDriverNode, bulk=True)

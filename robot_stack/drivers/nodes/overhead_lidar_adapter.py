@@ -5,7 +5,6 @@ from __future__ import annotations
 from robot_stack.contract import frames, topics
 from robot_stack.drivers.nodes.vendor_cloud import VendorCloudNode
 from robot_stack.drivers.point_cloud.params import PointCloudAdapterParams
-from robot_stack.middleware.node import run
 
 
 class OverheadLidarAdapterNode(VendorCloudNode):
@@ -13,7 +12,3 @@ class OverheadLidarAdapterNode(VendorCloudNode):
 
     def __init__(self) -> None:
         super().__init__("overhead_lidar_adapter", PointCloudAdapterParams)
-
-
-def main() -> None:
-    run(OverheadLidarAdapterNode, bulk=True)

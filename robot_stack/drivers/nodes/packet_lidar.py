@@ -41,7 +41,7 @@ class Builder(Protocol):
     def received(self, data: bytes, arrival_s: float) -> Sweep | None: ...
 
 
-class PacketLidarNode(StackNode):
+class PacketLidarNode(StackNode, bulk=True):
     """Decodes packets in the reader's thread; the node wakes once a sweep. vendor: for people."""
 
     vendor: ClassVar[str]

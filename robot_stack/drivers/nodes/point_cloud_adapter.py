@@ -5,7 +5,6 @@ from __future__ import annotations
 from robot_stack.contract import frames, topics
 from robot_stack.drivers.nodes.vendor_cloud import VendorCloudNode
 from robot_stack.drivers.point_cloud.params import PointCloudAdapterParams
-from robot_stack.middleware.node import run
 
 
 class PointCloudAdapterNode(VendorCloudNode):
@@ -13,7 +12,3 @@ class PointCloudAdapterNode(VendorCloudNode):
 
     def __init__(self) -> None:
         super().__init__("point_cloud_adapter", PointCloudAdapterParams)
-
-
-def main() -> None:
-    run(PointCloudAdapterNode, bulk=True)

@@ -12,7 +12,7 @@ from robot_stack.drivers.pylontech.frames import KEEP_ALIVE, Measured
 from robot_stack.drivers.pylontech.pack import Pack
 from robot_stack.drivers.pylontech.params import PylontechDriverParams
 from robot_stack.middleware.device_thread import DeviceThread
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 
 _WATCH_HZ = 2.0
 
@@ -58,7 +58,3 @@ class PylontechDriverNode(StackNode):
     def destroy_node(self) -> None:
         self._thread.close()
         super().destroy_node()
-
-
-def main() -> None:
-    run(PylontechDriverNode)

@@ -14,12 +14,12 @@ from robot_stack.drivers.v4l2.frames import FrameChooser, Picture
 from robot_stack.drivers.v4l2.params import V4l2CameraDriverParams
 from robot_stack.middleware.conversions import time_from_s
 from robot_stack.middleware.device_thread import DeviceThread
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 
 _NAMES = ("front", "rear")
 
 
-class V4l2CameraDriverNode(StackNode):
+class V4l2CameraDriverNode(StackNode, bulk=True):
     """Frames are read and decoded in a separate thread per camera; the node wakes once an image."""
 
     def __init__(self) -> None:
@@ -83,7 +83,3 @@ class _Camera:
         # The difference of the kernel's and the system clock at this moment.
         stamp = time_from_s(self._node.now_s() - (self._node.device_s() - picture.time_s))
         self._output.publish(picture.pixels, stamp)
-
-
-def main() -> None:
-    run(V4l2CameraDriverNode, bulk=True)

@@ -7,7 +7,6 @@ from robot_stack.core.range_sensor import RangeSensor
 from robot_stack.drivers.nodes.packet_lidar import PacketLidarNode
 from robot_stack.drivers.velodyne.params import VelodyneDriverParams
 from robot_stack.drivers.velodyne.sweeps import SweepBuilder
-from robot_stack.middleware.node import run
 
 
 class VelodyneDriverNode(PacketLidarNode):
@@ -18,7 +17,3 @@ class VelodyneDriverNode(PacketLidarNode):
 
     def builder(self, sensor: RangeSensor) -> SweepBuilder:
         return SweepBuilder(self.params, sensor.period_s, self.robot.to_sensor_frame(frames.LIDAR))
-
-
-def main() -> None:
-    run(VelodyneDriverNode, bulk=True)

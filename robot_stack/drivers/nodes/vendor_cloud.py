@@ -21,7 +21,7 @@ from robot_stack.middleware.wire import CloudView
 from tf2_msgs.msg import TFMessage
 
 
-class VendorCloudNode(StackNode):
+class VendorCloudNode(StackNode, bulk=True):
     """sensor: of ``config/robot.yaml``, also its frame. vendor, points: the rows of its subscription and publisher."""
 
     sensor: ClassVar[str]

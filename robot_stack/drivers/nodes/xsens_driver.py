@@ -11,7 +11,7 @@ from robot_stack.drivers.nodes.serial_line import SerialLine
 from robot_stack.drivers.xsens.params import XsensDriverParams
 from robot_stack.drivers.xsens.unit import START, Unit
 from robot_stack.middleware.device_thread import DeviceThread
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 
 
 class XsensDriverNode(StackNode):
@@ -59,7 +59,3 @@ class XsensDriverNode(StackNode):
     def destroy_node(self) -> None:
         self._thread.close()
         super().destroy_node()
-
-
-def main() -> None:
-    run(XsensDriverNode)

@@ -10,7 +10,7 @@ from robot_stack.ehmi.choice import Safety, Situation, after_mission_manager, ch
 from robot_stack.ehmi.link import LinkStatus, Shown
 from robot_stack.ehmi.nodes.serial_port import SerialPort
 from robot_stack.ehmi.params import EhmiParams
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.wheelchair import WheelchairInput
 
 _LAST_WORD_S = 0.5  # of the way out
@@ -116,7 +116,3 @@ class EhmiBridgeNode(StackNode):
     def destroy_node(self) -> None:
         self._port.close()
         super().destroy_node()
-
-
-def main() -> None:
-    run(EhmiBridgeNode)

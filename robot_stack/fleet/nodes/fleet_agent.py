@@ -27,7 +27,7 @@ from robot_stack.fleet.progress import Request
 from robot_stack.fleet.robot import RobotView
 from robot_stack.fleet.vehicle import Vehicle
 from robot_stack.middleware.conversions import pose_from_msg, twist_from_msg
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.wheelchair import WheelchairInput
 
 
@@ -122,7 +122,3 @@ class FleetAgentNode(StackNode):
     def destroy_node(self) -> None:
         self._link.close()
         super().destroy_node()
-
-
-def main() -> None:
-    run(FleetAgentNode)

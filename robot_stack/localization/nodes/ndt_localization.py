@@ -31,14 +31,14 @@ from robot_stack.localization.nodes.messages import (
 from robot_stack.localization.params import LocalizationParams
 from robot_stack.localization.warm_up import warm_up
 from robot_stack.middleware.conversions import pose_stamped, time_from_s, time_to_s, transform_stamped
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.wire import CloudView
 from tf2_msgs.msg import TFMessage
 
 _END_S = 2.0  # longest wait for a running match at the end
 
 
-class NdtLocalizationNode(StackNode):
+class NdtLocalizationNode(StackNode, bulk=True):
     """Predicts with every odometry message and publishes ``localizer``'s estimate at the contract's rate."""
 
     def __init__(self) -> None:
@@ -160,7 +160,3 @@ def _solve(solver: SweepSolver, request: MatchRequest) -> MatchResult:
         return solver.solve(request)
     except Exception as error:  # a sweep that cannot be matched must not end the node: the quality shows it
         return MatchResult(request, None, 0, f"matching failed: {type(error).__name__}: {error}")
-
-
-def main() -> None:
-    run(NdtLocalizationNode, bulk=True)

@@ -22,7 +22,7 @@ from robot_stack.core.safe_places import SafePlaces
 from robot_stack.middleware.conversions import pose_from_msg, twist_from_msg
 from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.navigation_client import NavigationClient
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.wheelchair import WheelchairInput
 from robot_stack.mission import events as ev
 from robot_stack.mission.journal import SqliteJournal, journal_path
@@ -151,7 +151,3 @@ class MissionManagerNode(StackNode):
             self._docking.cancel()
         self._outputs.show(Display.OFF)
         self._journal.close()
-
-
-def main() -> None:
-    run(MissionManagerNode)

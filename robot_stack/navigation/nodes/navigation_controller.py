@@ -25,7 +25,7 @@ from robot_stack.core.site_map import load_map
 from robot_stack.core.zones import zone_files
 from robot_stack.middleware.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg
 from robot_stack.middleware.motion_warning import MotionWarnings
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.port import ActionGoal
 from robot_stack.middleware.wheelchair import WheelchairInput
 from robot_stack.navigation.background_planner import BackgroundPlanner
@@ -216,7 +216,3 @@ class NavigationControllerNode(StackNode):
 
 def _limit_of(message: VelocityLimit) -> SpeedLimit:
     return SpeedLimit(message.max_linear_velocity, message.max_angular_velocity)
-
-
-def main() -> None:
-    run(NavigationControllerNode)

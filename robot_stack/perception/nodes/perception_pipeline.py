@@ -13,7 +13,7 @@ from robot_stack.core.docks import load_docks
 from robot_stack.core.point_cloud import SWEEP, Points
 from robot_stack.middleware.conversions import pose_from_msg, time_to_s, twist_from_msg
 from robot_stack.middleware.inputs import Input
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.point_cloud import points_of
 from robot_stack.middleware.wire import CloudView
 from robot_stack.perception.attitude import attitude_of
@@ -24,7 +24,7 @@ from robot_stack.perception.warm_up import warm_up
 from robot_stack.perception.watch import Watch, too_near
 
 
-class PerceptionPipelineNode(StackNode):
+class PerceptionPipelineNode(StackNode, bulk=True):
     """Publishes with every half sweep; publishes nothing while its inputs may be wrong."""
 
     def __init__(self) -> None:
@@ -140,7 +140,3 @@ class PerceptionPipelineNode(StackNode):
         if self._fulls is not None:
             self.unsubscribe(self._fulls)
         self._fulls = None
-
-
-def main() -> None:
-    run(PerceptionPipelineNode, bulk=True)

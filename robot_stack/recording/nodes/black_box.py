@@ -9,7 +9,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from robot_stack.contract import topics
 from robot_stack.core.kept_events import black_box_dir
 from robot_stack.core.rides import rides_dir
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.report import diagnostic_status
 from robot_stack.recording.black_box import TriggerWatch
 from robot_stack.recording.black_box_files import Clocks
@@ -24,7 +24,7 @@ from robot_stack.recording.selection import selected
 _CHECK_HZ = 5.0
 
 
-class BlackBoxNode(StackNode):
+class BlackBoxNode(StackNode, bulk=True):
     def __init__(self) -> None:
         super().__init__("black_box", BlackBoxParams)
         params, rows = self.params, selected(self.params, self.get_name())
@@ -81,7 +81,3 @@ class BlackBoxNode(StackNode):
         """Completes the files."""
         self._rows.close()
         self._writer.close()
-
-
-def main() -> None:
-    run(BlackBoxNode, bulk=True)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import time
 
 from robot_stack.core.runtime import recordings_dir
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.recording.nodes.row_recording import RowRecording
 from robot_stack.recording.opening import open_recording, prepare_folder
 from robot_stack.recording.params import RecorderParams
 from robot_stack.recording.selection import selected
 
 
-class RecorderNode(StackNode):
+class RecorderNode(StackNode, bulk=True):
     def __init__(self) -> None:
         super().__init__("recorder", RecorderParams)
         rows = selected(self.params)
@@ -49,7 +49,3 @@ class RecorderNode(StackNode):
         """Completes the recording."""
         self._rows.close()
         self._writer.close()
-
-
-def main() -> None:
-    run(RecorderNode, bulk=True)

@@ -6,7 +6,7 @@ import threading
 
 from std_msgs.msg import Bool
 
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.safety.button import Contact, EmergencyButton, read_contact
 from robot_stack.safety.params import ButtonParams
 from robot_stack.safety.timing import age_s
@@ -58,7 +58,3 @@ class EmergencyStopButtonNode(StackNode):
     def destroy_node(self) -> None:
         self._view.close()
         super().destroy_node()
-
-
-def main() -> None:
-    run(EmergencyStopButtonNode)

@@ -11,7 +11,7 @@ from robot_stack.core.limits import SafetyLimit
 from robot_stack.core.node_record import Heartbeats
 from robot_stack.core.runtime import state_dir, state_shadow_dir
 from robot_stack.core.stop_presence import describe_presence
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.safety.arbiter import Verdict
 from robot_stack.safety.latch_store import LatchStore
 from robot_stack.safety.monitor import Memory, SafetyMonitor
@@ -148,7 +148,3 @@ class SafetyMonitorNode(StackNode):
         self._engine.close()
         self._store.close()
         super().destroy_node()
-
-
-def main() -> None:
-    run(SafetyMonitorNode)

@@ -12,7 +12,7 @@ from custom_msgs.msg import RobotStatus
 from robot_stack.contract import frames, topics
 from robot_stack.contract.model import System
 from robot_stack.middleware.inputs import Input
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.system_monitor.computer import CpuUsage, hottest
 from robot_stack.system_monitor.diagnostics_tree import DiagnosticsTree
 from robot_stack.system_monitor.nodes.computer_reader import ProcessReader, configured_reader
@@ -135,7 +135,3 @@ class SystemMonitorNode(StackNode):
 
 def _usable(entry: Input) -> bool:
     return entry.latest is not None
-
-
-def main() -> None:
-    run(SystemMonitorNode)

@@ -8,7 +8,7 @@ from robot_stack.core.geometry import Twist2
 from robot_stack.core.keepout import load_keepout
 from robot_stack.core.mission_library import mission_library
 from robot_stack.core.runtime import tell_touch_screen
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.ui import protocol as p
 from robot_stack.ui.nodes.audit_file import AuditFile
 from robot_stack.ui.nodes.hub import Hub
@@ -104,7 +104,3 @@ class TouchUiNode(StackNode):
         self._server.close()
         super().destroy_node()
         self._audit.close()
-
-
-def main() -> None:
-    run(TouchUiNode)

@@ -15,7 +15,7 @@ from robot_stack.core.jpeg import grey_jpeg
 from robot_stack.core.point_cloud import XYZ
 from robot_stack.middleware.image import grey_image
 from robot_stack.middleware.inputs import Input
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.point_cloud import cloud_message, points_of
 from robot_stack.middleware.wire import CloudView, ImageView
 from robot_stack.view.remote_params import RemoteViewParams
@@ -63,7 +63,7 @@ class _Copy:
         self._input, self.problem = None, ""
 
 
-class RemoteViewNode(StackNode):
+class RemoteViewNode(StackNode, bulk=True):
     """Converts at the contract's rate, whatever the rates of sweeps and images."""
 
     def __init__(self) -> None:
@@ -93,7 +93,3 @@ class RemoteViewNode(StackNode):
         output = CompressedImage(header=message.header, format="mono8; jpeg compressed ")
         output.data = array("B", jpeg)
         return output
-
-
-def main() -> None:
-    run(RemoteViewNode, bulk=True)

@@ -7,7 +7,7 @@ from geometry_msgs.msg import Twist, TwistStamped
 from robot_stack.contract import topics
 from robot_stack.core.config import config_dir
 from robot_stack.middleware.conversions import time_from_s, time_to_s, twist_fields
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.wmx import connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import load_client_config
@@ -144,7 +144,3 @@ class DiffDriveControllerNode(StackNode):
         if self._session.ready:
             self._session.follow(REST, self.steady_s())
         return False
-
-
-def main() -> None:
-    run(DiffDriveControllerNode)

@@ -6,7 +6,7 @@ from std_srvs.srv import SetBool
 
 from robot_stack.contract import services
 from robot_stack.core.goals import GoalStatus
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.wmx import connect
 from robot_stack.wmx.api import CoreMotionErrorCode
 from robot_stack.wmx.config import load_client_config
@@ -131,7 +131,3 @@ class FollowJointTrajectoryServerNode(StackNode):
             self.port.wait_until(lambda: False, _LAST_ANSWER_S, loop=True)
         finally:
             self._arm.close()
-
-
-def main() -> None:
-    run(FollowJointTrajectoryServerNode)

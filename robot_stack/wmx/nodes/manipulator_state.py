@@ -5,7 +5,7 @@ from __future__ import annotations
 from robot_stack.contract import topics
 from robot_stack.contract.model import Topic
 from robot_stack.core.config import config_dir
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.raw import RawSender
 from robot_stack.wmx import connect
 from robot_stack.wmx.axes import AxisFeedback
@@ -104,7 +104,3 @@ class ManipulatorStateNode(StackNode):
         """Stops the joints, switches off the servos switched on here, and closes the device."""
         if self._feedback.end():
             self._outputs.close()
-
-
-def main() -> None:
-    run(ManipulatorStateNode)

@@ -8,7 +8,7 @@ from typing import Any
 from robot_stack.contract import services, topics
 from robot_stack.contract.model import Service, Topic
 from robot_stack.core.config import ConfigError
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
 from robot_stack.wmx import MotionEngine, connect
 from robot_stack.wmx.axes import StatusSnapshot
 from robot_stack.wmx.config import load_client_config
@@ -127,7 +127,3 @@ class WmxRos2GeneralNode(StackNode):
     def safe_output(self) -> None:
         """Stops this node's motion and closes the device; bus and engine stay for other clients."""
         self._session.end()
-
-
-def main() -> None:
-    run(WmxRos2GeneralNode)

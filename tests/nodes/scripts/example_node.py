@@ -6,7 +6,8 @@ import sys
 from geometry_msgs.msg import Twist
 
 from robot_stack.contract import topics
-from robot_stack.middleware.node import StackNode, run
+from robot_stack.middleware.node import StackNode
+from robot_stack.ros.process import run_nodes
 
 parser = argparse.ArgumentParser()
 parser.add_argument("--crash-after", type=int, default=0)
@@ -44,4 +45,4 @@ class ExampleNode(StackNode):
         self._cmd_vel.publish(message)
 
 
-run(ExampleNode)
+sys.exit(run_nodes(ExampleNode))
