@@ -18,19 +18,26 @@ maps = typer.Typer(
 
 @maps.command()
 def build(
-    recording: Annotated[Path, typer.Argument(help="Recording: folder or .mcap of the recorder, or a rosbag2.")],
+    recordings: Annotated[
+        list[Path],
+        typer.Argument(help="Recordings: each a folder or .mcap of the recorder, or a rosbag2; several make one map."),
+    ],
     name: Annotated[str, typer.Option(help="Name of the map; its folder is config/maps/NAME.")],
     output: Annotated[Path | None, typer.Option(help="Folder to put the map's folder into.")] = None,
     origin: Annotated[
         tuple[float, float, float] | None,
-        typer.Option(help="x m, y m, yaw rad of the robot in the map where the ride begins; by default 0 0 0."),
+        typer.Option(help="x m, y m, yaw rad of the robot in the map where the first ride begins; by default 0 0 0."),
     ] = None,
     plot: Annotated[bool, typer.Option(help="Draw map.png.")] = True,
 ) -> None:
-    """Build a map from a recorded ride."""
-    from robot_stack.cli.map_build import build_from_recording
+    """Build a map from a recorded ride, or from several of one site.
 
-    build_from_recording(recording, name, output, origin, plot)
+    Rides may begin anywhere and be of different days, but each must pass
+    where another one has been: it is placed by what its LiDAR saw there.
+    """
+    from robot_stack.cli.map_build import build_from_recordings
+
+    build_from_recordings(recordings, name, output, origin, plot)
 
 
 @maps.command()

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import re
 import sys
 import time
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -18,9 +21,14 @@ from robot_stack.core.config import config_dir, load
 from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import load_robot
 from robot_stack.core.site_map import FREE, OCCUPIED, Cells, Grid, SiteMap, save_map
+from robot_stack.localization.ndt.matcher import NdtMatcher
+from robot_stack.localization.ndt.search import Region, search
+from robot_stack.localization.params import LocalizationParams
 from robot_stack.mapping.build import Built, build_map
-from robot_stack.mapping.params import MappingParams
-from robot_stack.mapping.report import distance_m, drift
+from robot_stack.mapping.joining import Finder, Recognition
+from robot_stack.mapping.params import Joining, MappingParams
+from robot_stack.mapping.poses import Floats
+from robot_stack.mapping.report import drift, lengths, rides_of
 from robot_stack.mapping.ride import Ride, RideError
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
@@ -28,28 +36,67 @@ _MOST_LOOPS = 5
 _SOURCE = "the recording of a ride"
 
 
-def build_from_recording(
-    recording: Path, name: str, output: Path | None, origin: tuple[float, float, float] | None, plot: bool
+def build_from_recordings(
+    recordings: Sequence[Path], name: str, output: Path | None, origin: tuple[float, float, float] | None, plot: bool
 ) -> None:
     """Raises CommandError, ConfigError."""
     folder, start = wanted(name, output, origin)
+    for recording in recordings:
+        if sum(recording.absolute() == other.absolute() for other in recordings) > 1:
+            raise CommandError(f"{recording} is given twice", WRONG_USE)
     params, robot = load(MappingParams, "mapping"), load_robot()
+    rides: dict[str, Ride] = {}
+    warnings: list[str] = []
     with ProgressBar() as bar:
-        ride, warnings = read_ride(recording, params.sweeps, robot, lambda done, total: bar("reading", done, total))
+        for recording in recordings:
+            reading = f"reading {recording}"
+            ride, found = read_ride(recording, params.sweeps, robot, partial(bar, reading))
+            rides[str(recording)] = ride
+            warnings += found
         try:
-            built = build_map(ride, params, robot, start, bar)
+            built = build_map(rides, params, robot, start, recognition(), bar)
         except RideError as error:
-            raise CommandError(f"{recording}: {error}") from None
+            where = f"{recordings[0]}: " if len(recordings) == 1 else ""
+            raise CommandError(f"{where}{error}") from None
+    warnings += doubts(built, params.joining)
     for warning in warnings:
         print(f"warning: {warning}", file=sys.stderr)
-    site = SiteMap(name, built.cells, built.grid, _about(recording, ride, built, start))
+    site = SiteMap(name, built.cells, built.grid, _about(built, start))
     with writing(folder):
         save_map(site, folder)
     if plot:
-        ends = np.array([[built.poses[k, :2, 3] for k in (loop.earlier, loop.later)] for loop in built.loops])
-        draw_map(site, folder / "map.png", built.poses[:, :2, 3], ends)
+        poses, last = built.course.poses, np.flatnonzero(np.diff(built.course.ride)) + 1
+        ends = np.array([[poses[k, :2, 3] for k in (loop.earlier, loop.later)] for loop in built.course.loops])
+        draw_map(site, folder / "map.png", np.split(poses[:, :2, 3], last), ends)
     print("\n".join(lines_of(site)))
     print(f"written: {folder}")
+
+
+def recognition() -> Recognition:
+    """Localization's search of a whole map. Raises ConfigError."""
+    ndt = load(LocalizationParams, "ndt_localization").ndt
+    everywhere = Region(0.0, 0.0, math.inf)
+
+    def of(cells: Cells) -> Finder:
+        matcher = NdtMatcher(cells, ndt.match)
+
+        def find(points: Floats, up: Floats) -> list[Floats]:
+            # A place that explains much less than the best one is not it.
+            matches = search(matcher, points, up, everywhere, ndt.search).rivals(ndt.search)
+            return [match.pose for match in matches if match.structure >= ndt.gate.min_structure_points]
+
+        return find
+
+    return of
+
+
+def doubts(built: Built, settings: Joining) -> list[str]:
+    """Warnings about rides whose walls do not agree."""
+    return [
+        f"{name}: its walls are {overlap.rms_m:.3f} m (rms) from those of the rides before it: look for doubled walls"
+        for name, overlap in zip(built.names[1:], built.overlaps, strict=True)
+        if overlap.rms_m > settings.doubted_m
+    ]
 
 
 def wanted(name: str, output: Path | None, origin: tuple[float, float, float] | None) -> tuple[Path, Pose2 | None]:
@@ -62,19 +109,22 @@ def wanted(name: str, output: Path | None, origin: tuple[float, float, float] | 
     return folder, None if origin is None else Pose2(*origin)
 
 
-def _about(recording: Path, ride: Ride, built: Built, start: Pose2 | None) -> dict[str, Any]:
+def _about(built: Built, start: Pose2 | None) -> dict[str, Any]:
     origin = start or Pose2(0.0, 0.0, 0.0)
+    course = built.course
+    length_m, duration_s = lengths(course)
     return {
         "frame": "map",
         "made_from": _SOURCE,
-        "recording": recording.absolute().name,
-        "recorded": time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(float(built.stamps_s[0]))),
+        "recording": Path(built.names[0]).absolute().name,
+        "recorded": time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(float(course.stamps_s[0]))),
         "begins_at": place_of(origin),
         "ride": {
-            "length_m": round(distance_m(built.poses), 1),
-            "duration_s": round(float(built.stamps_s[-1] - built.stamps_s[0]), 1),
-            "sweeps": len(ride.sweeps),
+            "length_m": round(length_m, 1),
+            "duration_s": round(duration_s, 1),
+            "sweeps": len(course.sweeps),
         },
+        **({"rides": rides_of(built)} if len(built.names) > 1 else {}),
         **size_of(built.cells, built.grid),
         "points_left_out_because_they_moved": round(built.moved_share, 5),
         "drift": drift(built),
@@ -122,9 +172,10 @@ def lines_of(site: SiteMap) -> list[str]:
         f"error at the end of the ride: wheel odometry {found.get('wheel_odometry_end_error_m', '?')} m, "
         f"LiDAR odometry {found.get('lidar_odometry_end_error_m', '?')} m",
     ]
+    lines += [_line_of_ride(number, one) for number, one in enumerate(about.get("rides", ()), 1)]
     loops = sorted(found.get("loops", []), key=lambda loop: -float(loop["wheel_odometry_m"]))
     lines += [
-        f"  loop between {loop['from_s']:g} s and {loop['to_s']:g} s of the ride: error of wheel odometry "
+        f"  loop between {_moment(loop, 'from')} and {_moment(loop, 'to')}: error of wheel odometry "
         f"{loop['wheel_odometry_m']:.3f} m, LiDAR odometry {loop['lidar_odometry_m']:.3f} m, "
         f"map {loop['map_m']:.3f} m"
         for loop in loops[:_MOST_LOOPS]
@@ -135,6 +186,22 @@ def lines_of(site: SiteMap) -> list[str]:
         lines.append("no loop was closed: the map contains the drift of the odometry, whose size is unknown")
         lines.append("drive again, cross the driven path and end at the start (docs/mapping.md)")
     return lines
+
+
+def _moment(loop: dict[str, Any], end: str) -> str:
+    """An end of a loop in words."""
+    return f"{loop[f'{end}_s']:g} s of " + (f"ride {loop[f'{end}_ride']}" if f"{end}_ride" in loop else "the ride")
+
+
+def _line_of_ride(number: int, ride: dict[str, Any]) -> str:
+    """A ride of several, and how it fits those before it."""
+    line = f"ride {number}: {ride['recording']}, {ride['sweeps']} sweeps"
+    if number == 1:
+        return f"{line}; its start is the map's"
+    line += f", joined by {ride['loops_with_those_before']} loops with those before it; "
+    if ride["walls_apart_rms_m"] is None:
+        return f"{line}no wall was seen by both"
+    return f"{line}{ride['walls_of_both']} cells of walls seen by both are {ride['walls_apart_rms_m']} m apart (rms)"
 
 
 def _lines_of_plan(plan: dict[str, Any]) -> list[str]:

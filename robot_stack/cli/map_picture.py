@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,12 +34,12 @@ _ZONE_COLOURS = {
 def draw_map(
     site: SiteMap,
     file: Path,
-    way: Places | None = None,
+    ways: Sequence[Places] = (),
     loops: Places | None = None,
     zones: tuple[Zone, ...] = (),
     graph: RouteGraph | None = None,
 ) -> None:
-    """way: (n, 2) m, the robot's path; loops: (n, 2, 2) m, pairs of recognised places. Raises CommandError."""
+    """ways: (n, 2) m each, the robot's paths; loops: (n, 2, 2) m, pairs of recognised places. Raises CommandError."""
     from matplotlib.collections import EllipseCollection, LineCollection
     from matplotlib.figure import Figure
 
@@ -55,10 +56,13 @@ def draw_map(
     )
     cells.set_array(colours)
     axes.add_collection(cells)
-    if way is not None:
-        axes.plot(way[:, 0], way[:, 1], color="tab:orange", linewidth=1.2, label="ride")
-        axes.plot(*way[0], "o", color="tab:green", label="begin")
-        axes.plot(*way[-1], "s", color="tab:red", label="end")
+    for number, way in enumerate(ways):
+        colour = "tab:orange" if not number else f"C{1 + number}"
+        axes.plot(
+            way[:, 0], way[:, 1], color=colour, linewidth=1.2, label="ride" if not number else f"ride {number + 1}"
+        )
+        axes.plot(*way[0], "o", color="tab:green", label=None if number else "begin")
+        axes.plot(*way[-1], "s", color="tab:red", label=None if number else "end")
     if loops is not None and len(loops):
         axes.add_collection(LineCollection(list(loops), colors="tab:red", linewidths=1.0, label="loops"))
     for zone in zones:
@@ -75,7 +79,7 @@ def draw_map(
     axes.set(xlabel="x in map, m", ylabel="y in map, m", aspect="equal")
     axes.set(xlim=(grid.origin_x_m, grid.origin_x_m + width_m), ylim=(grid.origin_y_m, grid.origin_y_m + height_m))
     axes.set_title(f"{site.name}: {len(site.cells.count)} cells of {site.cells.size_m:g} m, one deviation; by height")
-    if way is not None:
+    if ways:
         axes.legend(loc="upper right")
     with writing(file):
         figure.savefig(file, dpi=_DPI)

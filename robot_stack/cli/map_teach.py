@@ -14,7 +14,7 @@ from queue import Empty
 from types import FrameType
 
 from robot_stack.cli.errors import WRONG_USE, CommandError
-from robot_stack.cli.map_build import build_from_recording, wanted
+from robot_stack.cli.map_build import build_from_recordings, wanted
 from robot_stack.cli.map_teach_picture import taught_picture, write_picture
 from robot_stack.cli.map_teach_ride import TaughtRide
 from robot_stack.cli.nodes.taught_topics import ROWS, TaughtTopics
@@ -80,7 +80,7 @@ def teach_map(
     try:
         print("the map is built now, which may take minutes; Ctrl-C leaves the recording", flush=True)
         os.nice(_NICE)
-        build_from_recording(target, name, output, origin, plot=True)
+        build_from_recordings([target], name, output, origin, plot=True)
     except KeyboardInterrupt:
         # An interrupted build leaves an incomplete map, which is invalid without its map.yaml.
         raise CommandError(f"interrupted; to build the map of this ride: {finish}", _INTERRUPTED) from None

@@ -1,8 +1,8 @@
-"""The complete map build from a ride, one step after the other."""
+"""The complete map build from a ride or several, one step after the other."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,98 +11,64 @@ from robot_stack.core.geometry import Pose2
 from robot_stack.core.robot import Robot
 from robot_stack.core.site_map import Cells, Grid
 from robot_stack.mapping.cells import CellAccumulator, unpack_keys, voxel_keys
+from robot_stack.mapping.course import Course, Progress, course_of, ticks
 from robot_stack.mapping.grid import driven_cells, grid_of
 from robot_stack.mapping.ground import Surface, bins_of, surface_of
-from robot_stack.mapping.lidar_odometry import lidar_odometry
-from robot_stack.mapping.loops import Loop, candidates, close_loops
+from robot_stack.mapping.joining import Overlap, Recognition, joined, overlap
 from robot_stack.mapping.moving_objects import votes_of
 from robot_stack.mapping.params import MappingParams
 from robot_stack.mapping.pose_graph import Edges
 from robot_stack.mapping.poses import Floats, inverse, planar, transform, yaw_of
 from robot_stack.mapping.refinement import map_of, onto_map, thinned
-from robot_stack.mapping.ride import Ride, RideError, driven
-from robot_stack.mapping.trajectory import Knowledge
-
-# (step, items done, items in all)
-Progress = Callable[[str, int, int], None]
+from robot_stack.mapping.ride import Ride, RideError
 
 
 @dataclass(frozen=True, slots=True)
 class Built:
-    """A map and its source: poses (n, 4, 4) of base_link in map at stamps_s by the map, by wheels, by LiDAR."""
+    """A map and its source: the rides with their poses by the map, without moving objects; the names of the rides'
+    recordings in the order of joining; the overlap of each but the first with those before it.
+    """
 
     cells: Cells
     grid: Grid
-    stamps_s: Floats
-    poses: Floats
-    by_wheels: Floats
-    by_lidar: Floats
-    loops: tuple[Loop, ...]
+    course: Course
+    names: tuple[str, ...]
+    overlaps: tuple[Overlap, ...]
     moved_share: float
 
 
-def build_map(ride: Ride, params: MappingParams, robot: Robot, origin: Pose2 | None, progress: Progress) -> Built:
-    """origin: base_link in map at the ride's first sweep; None: the map begins there. Raises RideError."""
+def build_map(
+    rides: Mapping[str, Ride],
+    params: MappingParams,
+    robot: Robot,
+    origin: Pose2 | None,
+    recognition: Recognition,
+    progress: Progress,
+) -> Built:
+    """rides: by the names of their recordings. origin: base_link in map at the first ride's first sweep; None: the map
+    begins there. recognition: places the other rides. Raises RideError.
+    """
     start = origin or Pose2(0.0, 0.0, 0.0)
-    sweeps = [sweep.points.astype(np.float64) for sweep in ride.sweeps]
-    stamps = np.array([sweep.stamp_s for sweep in ride.sweeps])
-    wheels = begun_at(driven(ride), start)
-    progress("LiDAR odometry", 0, 1)
-    lidar, matched = lidar_odometry(sweeps, wheels, params.lidar_odometry)
-    knowledge = Knowledge(ride, wheels, lidar, matched, params)
+    courses = {name: course_of(ride, start, params, progress) for name, ride in rides.items()}
     first = planar(start.x, start.y, start.yaw)
-    poses, loops = _closed(sweeps, stamps, knowledge, first, wheels, params, progress)
-    poses = _refined(sweeps, poses, knowledge, first, loops, params, progress, 1)
-    static, share = _static(sweeps, poses, robot, params, progress)
-    poses = _refined(static, poses, knowledge, first, loops, params, progress, params.refinement.rounds - 1)
+    course, names = joined(courses, first, params, recognition, progress)
+    course = _refined(course, first, params, progress, 1)
+    static, share = _static(course, robot, params, progress)
+    course = replace(course, sweeps=static)
+    course = _refined(course, first, params, progress, params.refinement.rounds - 1)
     progress("cells and grid", 0, 1)
-    cells = _cells(static, poses, params)
-    grid = _grid(static, poses, robot, params)
-    return Built(cells, grid, stamps, poses, wheels, lidar, tuple(loops), share)
+    overlaps = tuple(overlap(course, number, params) for number in range(1, len(names)))
+    return Built(_cells(course, params), _grid(course, robot, params), course, tuple(names), overlaps, share)
 
 
-def begun_at(poses: Floats, start: Pose2) -> Floats:
-    """The same path, begun at ``start``; its slopes stay as they are."""
-    first = planar(poses[0, 0, 3], poses[0, 1, 3], float(yaw_of(poses[:1])[0]))
-    return planar(start.x, start.y, start.yaw) @ inverse(first) @ poses
-
-
-def _closed(
-    sweeps: list[Floats],
-    stamps: Floats,
-    knowledge: Knowledge,
-    start: Floats,
-    poses: Floats,
-    params: MappingParams,
-    progress: Progress,
-) -> tuple[Floats, list[Loop]]:
-    """Poses with loops closed. Two rounds: corrected poses show further places that are near each other."""
-    loops: list[Loop] = []
-    poses = knowledge.solve(poses, start, [])
-    for turn in ("loops", "loops again"):
-        pairs = candidates(poses, stamps, params.loops)
-        loops = close_loops(sweeps, poses, pairs, params.loops, _ticks(progress, turn, len(pairs)))
-        poses = knowledge.solve(poses, start, loops)
-    return poses, loops
-
-
-def _refined(
-    sweeps: list[Floats],
-    poses: Floats,
-    knowledge: Knowledge,
-    start: Floats,
-    loops: list[Loop],
-    params: MappingParams,
-    progress: Progress,
-    rounds: int,
-) -> Floats:
-    thin = [thinned(points, params.refinement) for points in sweeps]
+def _refined(course: Course, start: Floats, params: MappingParams, progress: Progress, rounds: int) -> Course:
+    thin = [thinned(points, params.refinement) for points in course.sweeps]
     for _ in range(rounds):
-        targets = map_of(sweeps, poses, params.refinement)
-        tick = _ticks(progress, "fitting sweeps to the map", len(sweeps))
-        fits = _fits_begun_at(start, onto_map(thin, poses, targets, params.refinement, tick))
-        poses = knowledge.solve(poses, start, loops, [fits])
-    return poses
+        targets = map_of(course.sweeps, course.poses, params.refinement)
+        tick = ticks(progress, "fitting sweeps to the map", len(thin))
+        fits = _fits_begun_at(start, onto_map(thin, course.poses, targets, params.refinement, tick))
+        course = course.solved(start, params, [fits])
+    return course
 
 
 def _fits_begun_at(start: Floats, fits: Edges) -> Edges:
@@ -118,12 +84,11 @@ def _fits_begun_at(start: Floats, fits: Edges) -> Edges:
     return replace(fits, measured=start @ inverse(level) @ fits.measured)
 
 
-def _static(
-    sweeps: list[Floats], poses: Floats, robot: Robot, params: MappingParams, progress: Progress
-) -> tuple[list[Floats], float]:
+def _static(course: Course, robot: Robot, params: MappingParams, progress: Progress) -> tuple[list[Floats], float]:
     """(sweeps without moving objects, share of points left out)."""
+    sweeps, poses = course.sweeps, course.poses
     surface = _surface(sweeps, poses, params)
-    tick = _ticks(progress, "finding moving objects", len(sweeps))
+    tick = ticks(progress, "finding moving objects", len(sweeps))
     votes = votes_of(sweeps, poses, np.asarray(robot.lidar_xyz_m), params.moving_objects, tick)
     kept = []
     for points, pose in zip(sweeps, poses, strict=True):
@@ -149,11 +114,11 @@ def _widened(columns: Floats) -> np.ndarray:
     return np.unique(np.concatenate([voxel_keys(columns + offset, 1.0) for offset in np.array(offsets)]))
 
 
-def _cells(sweeps: list[Floats], poses: Floats, params: MappingParams) -> Cells:
+def _cells(course: Course, params: MappingParams) -> Cells:
     s = params.cells
     accumulator = CellAccumulator(s.size_m)
     seen = []
-    for points, pose in zip(sweeps, poses, strict=True):
+    for points, pose in zip(course.sweeps, course.poses, strict=True):
         there = transform(pose, points[(points**2).sum(axis=1) < s.range_m**2])
         accumulator.add(there)
         seen.append(np.unique(voxel_keys(there, s.size_m)))
@@ -176,8 +141,9 @@ def _ground(bins, poses: Floats, params: MappingParams) -> Surface:  # type: ign
         raise RideError(str(error)) from error
 
 
-def _grid(sweeps: list[Floats], poses: Floats, robot: Robot, params: MappingParams) -> Grid:
-    bins = bins_of(_near(sweeps, poses, params), params.grid.resolution_m)
+def _grid(course: Course, robot: Robot, params: MappingParams) -> Grid:
+    poses = course.poses
+    bins = bins_of(_near(course.sweeps, poses, params), params.grid.resolution_m)
     surface = _ground(bins, poses, params)
     outline = robot.footprint
     half_m = min(outline.front_m, -outline.rear_m)
@@ -187,9 +153,3 @@ def _grid(sweeps: list[Floats], poses: Floats, robot: Robot, params: MappingPara
 def _near(sweeps: list[Floats], poses: Floats, params: MappingParams):  # type: ignore[no-untyped-def]
     reach = params.grid.range_m**2
     return (transform(p, s[(s[:, :2] ** 2).sum(axis=1) < reach]) for s, p in zip(sweeps, poses, strict=True))
-
-
-def _ticks(progress: Progress, what: str, total: int) -> Callable[[], None]:
-    done = iter(range(1, total + 1))
-    progress(what, 0, total)
-    return lambda: progress(what, next(done, total), total)

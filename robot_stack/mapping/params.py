@@ -64,6 +64,22 @@ class Loops(Config):
     robust: Positive
 
 
+class Joining(Config):
+    """Several rides in one map: how one is placed among the others, and when the result is doubted."""
+
+    every_m: Positive
+    point_m: Positive
+    range_m: Positive
+    agree_m: Positive
+    agree_rad: Positive
+    fewest: Annotated[int, Field(ge=2)]
+    rival_share: Fraction
+    deviation_m: Positive
+    deviation_rad: Positive
+    flat_m: Positive
+    doubted_m: Positive
+
+
 class Refinement(Config):
     rounds: Annotated[int, Field(ge=0)]
     voxels_m: Annotated[tuple[float, ...], Field(min_length=1)]
@@ -159,6 +175,7 @@ class MappingParams(Config):
     lidar_odometry: LidarOdometry
     wheel_odometry: WheelOdometry
     loops: Loops
+    joining: Joining
     refinement: Refinement
     moving_objects: MovingObjectParams
     cells: CellSize

@@ -5,7 +5,7 @@ Grisetti, Kuemmerle, Stachniss, Burgard: A Tutorial on Graph-Based SLAM, 2010. R
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +31,10 @@ class Edges:
     measured: Floats
     weight: Floats
     robust: float = np.inf
+
+    def moved_by(self, count: int) -> Edges:
+        """The same edges, of poses with ``count`` others before them."""
+        return replace(self, first=np.where(self.first < 0, -1, self.first + count), second=self.second + count)
 
 
 @dataclass(frozen=True, slots=True)

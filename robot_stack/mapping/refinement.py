@@ -15,11 +15,17 @@ from robot_stack.mapping.registration import Target, align, target_of
 _SPACING_M = 0.25
 
 
+def spread(points: Floats, spacing_m: float, range_m: float) -> Floats:
+    """The points (n, 3) within the range, the first of each voxel."""
+    near = points[(points**2).sum(axis=1) < range_m**2]
+    _, first = np.unique(voxel_keys(near, spacing_m), return_index=True)
+    kept: Floats = near[np.sort(first)]
+    return kept
+
+
 def thinned(points: Floats, settings: Settings) -> Floats:
     """Points evenly spread over the surfaces, at most ``points`` of them, within ``range_m``."""
-    near = points[(points**2).sum(axis=1) < settings.range_m**2]
-    _, first = np.unique(voxel_keys(near, _SPACING_M), return_index=True)
-    chosen = near[np.sort(first)]
+    chosen = spread(points, _SPACING_M, settings.range_m)
     return np.ascontiguousarray(chosen[:: max(1, -(-len(chosen) // settings.points))])
 
 

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from robot_stack.core.geometry import Pose2, wrap_angle
-from robot_stack.mapping.build import begun_at
 from robot_stack.mapping.cells import unpack_keys, voxel_keys
+from robot_stack.mapping.course import begun_at
 from robot_stack.mapping.lidar_odometry import LidarOdometry, above_ground
 from robot_stack.mapping.params import MappingParams, Teach
 from robot_stack.mapping.poses import Floats, inverse, transform, yaw_of

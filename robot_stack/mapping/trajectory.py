@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,25 +18,37 @@ _UNKNOWN_M, _UNKNOWN_RAD = 1.0, 0.1
 _ANCHOR = 1e4
 
 
+@dataclass(frozen=True, slots=True)
 class Knowledge:
-    """All measurements of the poses except the matches to the map."""
+    """The measurements within a ride, or within several: all except loops and matches to the map."""
 
-    def __init__(self, ride: Ride, driven: Floats, lidar: Floats, matched: np.ndarray, params: MappingParams) -> None:
-        self._params = params
-        stamps = np.array([sweep.stamp_s for sweep in ride.sweeps])
-        self._stamps = stamps
-        self._chain = [_wheel_edges(driven, params.wheel_odometry), _lidar_edges(lidar, matched, params)]
-        gyro = _gyro_edges(ride, stamps, params.wheel_odometry)
-        if gyro is not None:
-            self._chain.append(gyro)
-        self.levels = _levels(ride, stamps, params.wheel_odometry)
+    chain: tuple[Edges, ...]
+    levels: Levels
 
-    def solve(self, poses: Floats, start: Floats, loops: Sequence[Loop], more: Sequence[Edges] = ()) -> Floats:
-        """Poses optimised from the given ones; the first stays at ``start`` in place and heading."""
-        edges = [_anchor(start), *self._chain, *more]
+    def solve(
+        self, poses: Floats, start: Floats | None, loops: Sequence[Loop], settings: Loops, more: Sequence[Edges] = ()
+    ) -> Floats:
+        """Poses optimised from the given ones; the first stays at ``start`` in place and heading, unless it is None."""
+        edges = [*([] if start is None else [_anchor(start)]), *self.chain, *more]
         if loops:
-            edges.append(loop_edges(loops, self._params.loops))
+            edges.append(loop_edges(loops, settings))
         return solve(poses, edges, self.levels)
+
+    def followed_by(self, other: Knowledge, count: int) -> Knowledge:
+        """Of both rides' poses, one after the other; count: of this one's."""
+        chain = (*self.chain, *(edges.moved_by(count) for edges in other.chain))
+        index = np.concatenate([self.levels.index, other.levels.index + count])
+        up = np.concatenate([self.levels.up, other.levels.up])
+        return Knowledge(chain, Levels(index, up, self.levels.weight))
+
+
+def knowledge_of(ride: Ride, driven: Floats, lidar: Floats, matched: np.ndarray, params: MappingParams) -> Knowledge:
+    stamps = np.array([sweep.stamp_s for sweep in ride.sweeps])
+    chain = [_wheel_edges(driven, params.wheel_odometry), _lidar_edges(lidar, matched, params)]
+    gyro = _gyro_edges(ride, stamps, params.wheel_odometry)
+    if gyro is not None:
+        chain.append(gyro)
+    return Knowledge(tuple(chain), _levels(ride, stamps, params.wheel_odometry))
 
 
 def loop_edges(loops: Sequence[Loop], settings: Loops) -> Edges:
@@ -110,8 +123,9 @@ def _standing(ride: Ride, stamps: Floats, s: WheelOdometry) -> np.ndarray:
 
 
 def _levels(ride: Ride, stamps: Floats, s: WheelOdometry) -> Levels:
+    weight = 1.0 / s.level_deviation_rad
     if not len(ride.attitude.stamp_s):
-        return Levels()
+        return Levels(weight=weight)
     roll, pitch = ride.attitude.at(stamps).T
     up = from_angles(roll, pitch, 0.0 * roll)[:, 2, :]
-    return Levels(np.arange(len(stamps)), up, 1.0 / s.level_deviation_rad)
+    return Levels(np.arange(len(stamps)), up, weight)

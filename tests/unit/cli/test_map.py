@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from robot_stack.cli.app import app
 from robot_stack.cli.errors import CommandError
-from robot_stack.cli.map_build import build_from_recording, problems_of
+from robot_stack.cli.map_build import build_from_recordings, problems_of
 from robot_stack.cli.map_recording import points_of, read_ride
 from robot_stack.core.config import config_dir
 from robot_stack.core.geometry import ZERO_TWIST
@@ -63,7 +63,7 @@ def folder(recording, own_config, tmp_path_factory):
     output = tmp_path_factory.mktemp("maps")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROBOT_STACK_CONFIG", str(own_config))
-        build_from_recording(recording, "room", output, ORIGIN, plot=True)
+        build_from_recordings([recording], "room", output, ORIGIN, plot=True)
     return output / "room"
 
 
@@ -187,7 +187,12 @@ def test_a_rosbag2_in_sqlite(recording, tmp_path):
 )
 def test_wrong_names_and_origins_are_refused(recording, name, origin, words, tmp_path):
     with pytest.raises(CommandError, match=words):
-        build_from_recording(recording, name, tmp_path, origin, plot=False)
+        build_from_recordings([recording], name, tmp_path, origin, plot=False)
+
+
+def test_a_recording_given_twice_is_refused(recording, tmp_path):
+    with pytest.raises(CommandError, match="given twice"):
+        build_from_recordings([recording, recording], "room", tmp_path, None, plot=False)
 
 
 class Cloud:

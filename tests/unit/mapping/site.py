@@ -107,6 +107,16 @@ def recorded() -> Recorded:
     return Recorded(sweeps, odometry, [true_pose(float(time)) for time in times])
 
 
+def part(recording: Recorded, from_s: float, until_s: float) -> Recorded:
+    """Returns a piece of the ride as one of its own: its odometry begins at the identity."""
+    first = next(pose for time_s, pose in recording.odometry if time_s >= from_s)
+    return Recorded(
+        [(time_s, points) for time_s, points in recording.sweeps if from_s + SWEEP_S < time_s < until_s],
+        [(time_s, pose.relative_to(first)) for time_s, pose in recording.odometry if from_s <= time_s <= until_s],
+        [],
+    )
+
+
 def in_order(recording: Recorded):
     """Yields (time, points, None) of a sweep and (time, None, pose) of odometry, as a robot sends them."""
     sweeps = iter(recording.sweeps)
@@ -124,6 +134,7 @@ def params() -> MappingParams:
     base["lidar_odometry"]["fewest_points"] = 50
     base["refinement"] |= {"rounds": 3, "cell_points": 6}
     base["loops"] |= {"time_apart_s": 12.0, "every_m": 1.0, "radius_m": 1.5, "drift_share": 0.05}
+    base["joining"] |= {"every_m": 1.0}
     base["grid"] |= {"fewest_ground_points": 2, "resolution_m": 0.2}
     base["cells"]["fewest_points"] = 8
     base["mount"]["deviation_deg"] = 0.4

@@ -5,39 +5,40 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from robot_stack.cli.map_build import recognition
 from robot_stack.core.robot import load_robot
 from robot_stack.core.site_map import FREE, OCCUPIED
 from robot_stack.mapping.build import build_map
-from robot_stack.mapping.report import distance_m, drift
+from robot_stack.mapping.report import drift, lengths
 from tests.unit.mapping import site
 
 
 @pytest.fixture(scope="module")
 def built():
     ride = site.collected(site.recorded())
-    return build_map(ride, site.params(), load_robot(), site.START, lambda *_: None)
+    return build_map({"ride": ride}, site.params(), load_robot(), site.START, recognition(), lambda *_: None)
 
 
 def true_places(built) -> np.ndarray:
-    poses = [site.true_pose(stamp - site.EPOCH_S) for stamp in built.stamps_s]
+    poses = [site.true_pose(stamp - site.EPOCH_S) for stamp in built.course.stamps_s]
     return np.array([[pose.x, pose.y] for pose in poses])
 
 
 def test_the_drift_of_the_wheels_is_gone(built):
     truth = true_places(built)
-    wheels = np.linalg.norm(built.by_wheels[:, :2, 3] - truth, axis=1)
-    mapped = np.linalg.norm(built.poses[:, :2, 3] - truth, axis=1)
+    wheels = np.linalg.norm(built.course.wheels[:, :2, 3] - truth, axis=1)
+    mapped = np.linalg.norm(built.course.poses[:, :2, 3] - truth, axis=1)
     assert wheels.max() > 0.5, "or there is nothing to remove"
     assert mapped.max() < 0.05
-    assert np.abs(built.poses[:, 2, 3]).max() < 0.05
+    assert np.abs(built.course.poses[:, 2, 3]).max() < 0.05
 
 
 def test_the_round_is_closed_and_reported(built):
     report = drift(built)
-    assert report["loops_closed"] == len(built.loops) >= 1
+    assert report["loops_closed"] == len(built.course.loops) >= 1
     assert report["wheel_odometry_end_error_m"] > 0.5
     assert report["map_worst_loop_m"] < 0.03 < report["wheel_odometry_worst_loop_m"]
-    assert distance_m(built.poses) == pytest.approx(site.SPEED_MPS * (site.DURATION_S - site.STAND_S), abs=1.0)
+    assert lengths(built.course)[0] == pytest.approx(site.SPEED_MPS * (site.DURATION_S - site.STAND_S), abs=1.0)
 
 
 def test_cells_lie_on_walls(built):
