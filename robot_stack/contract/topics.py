@@ -330,9 +330,9 @@ INITIAL_POSE = Topic(
     "/initialpose",
     "geometry_msgs/msg/PoseWithCovarianceStamped",
     qos.COMMAND,
-    ("touch_ui", "fleet_agent", "rviz"),
+    ("touch_ui", "fleet_agent", "navigation_controller", "rviz"),
     ("ndt_localization",),
-    "start or correction of the pose in map",
+    "start or correction of the pose in map, and its change to another level in a lift",
     wakes=("ndt_localization",),
 )
 GOAL_POSE = Topic(

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
-from geometry_msgs.msg import Pose, PoseStamped, Quaternion, Transform, TransformStamped, Twist, TwistStamped
+from geometry_msgs.msg import (
+    Pose,
+    PoseStamped,
+    PoseWithCovarianceStamped,
+    Quaternion,
+    Transform,
+    TransformStamped,
+    Twist,
+    TwistStamped,
+)
 from sensor_msgs.msg import CameraInfo
 
 from robot_stack.core.camera import Intrinsics
@@ -71,6 +80,17 @@ def pose_from_transform(message: Transform) -> Pose2:
 def pose_stamped(pose: Pose2, frame_id: str, stamp: Time) -> PoseStamped:
     message = PoseStamped(pose=pose_to_msg(pose))
     message.header.frame_id, message.header.stamp = frame_id, stamp
+    return message
+
+
+def initial_pose(
+    pose: Pose2, frame_id: str, stamp: Time, position_m: float = 0.0, yaw_rad: float = 0.0
+) -> PoseWithCovarianceStamped:
+    """position_m, yaw_rad: standard deviations; without them localization has its own for a start."""
+    message = PoseWithCovarianceStamped()
+    message.header.frame_id, message.header.stamp, message.pose.pose = frame_id, stamp, pose_to_msg(pose)
+    message.pose.covariance[0] = message.pose.covariance[7] = position_m**2
+    message.pose.covariance[35] = yaw_rad**2
     return message
 
 

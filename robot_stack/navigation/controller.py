@@ -17,6 +17,7 @@ import numpy as np
 from robot_stack.core.departure import SETTING_OUT, Departure
 from robot_stack.core.geometry import ZERO_TWIST, Pose2, Twist2
 from robot_stack.core.goals import GoalStatus
+from robot_stack.core.levels import Levels
 from robot_stack.core.limits import NO_LIMIT, MotionLimits, SpeedLimit
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.core.route_graph import RouteGraph
@@ -26,6 +27,7 @@ from robot_stack.navigation.doors import DoorRequest
 from robot_stack.navigation.follower import RouteFollower
 from robot_stack.navigation.goal import GoalCode, GoalEnd, GoalRequest, Refusal, refusal, too_far
 from robot_stack.navigation.lanes import Lanes
+from robot_stack.navigation.lifts import Lifts, Ride, Stage
 from robot_stack.navigation.limits import PlanningLimits, planning_limits
 from robot_stack.navigation.line_of_sight import allowed_speed, is_direct
 from robot_stack.navigation.motion import MotionState, Trajectory, moving
@@ -76,6 +78,7 @@ class Output:
     """twist: the command, base_link. planned: the pose the robot should have now, None without a plan.
 
     text: the activity, for people. end: how the goal ended, in the first tick after that. doors: requests to publish.
+    relocated: in a lift that has arrived: the pose in the map from which localization goes on.
     """
 
     twist: Twist2
@@ -85,6 +88,7 @@ class Output:
     error: TrackingError = _NO_ERROR
     end: GoalEnd | None = None
     doors: tuple[DoorRequest, ...] = ()
+    relocated: Pose2 | None = None
 
     @property
     def reached(self) -> bool:
@@ -113,7 +117,7 @@ class NavigationController:
     """One goal at a time. ``path`` is published as ``/plan``; a new plan replaces the object, which never changes.
 
     departure: decides whether people must be warned first. routes: factory of the route planner; the default plans in
-    the tick of the request. zones, graph: of a site with a map.
+    the tick of the request. zones, graph, levels: of a site with a map.
     """
 
     def __init__(
@@ -126,6 +130,7 @@ class NavigationController:
         routes: Callable[[RouteSolver], RoutePlanner] = PromptRoutes,
         zones: tuple[Zone, ...] = (),
         graph: RouteGraph | None = None,
+        levels: Levels | None = None,
     ) -> None:
         self._params = params
         self._departure = departure
@@ -135,6 +140,10 @@ class NavigationController:
         self._speed_limit = self._way_limit = NO_LIMIT
         self._state = NavigationState.IDLE
         self._goal: Pose2 | None = None
+        levels = levels or Levels()
+        self._lifts = Lifts(levels)
+        self._stage: Stage | None = None  # of the goal, since its first plan
+        self._relocated_s = math.inf  # since the last change of the level
         self._trajectory: Trajectory | None = None
         self._elapsed_s = 0.0
         self._since_plan_s = math.inf
@@ -146,7 +155,7 @@ class NavigationController:
         self.path: Path | None = None
         # The caller supplies the costmaps.
         lanes = None if graph is None else Lanes(graph, params.graph, params.limits.cruise_speed_mps)
-        self.around = WorldModel(params, grid, zones, lanes)
+        self.around = WorldModel(params, grid, zones, lanes, levels.doors)
         solver = RouteSolver(params.planner, self.around.grid, lanes)
         self._follower = RouteFollower(params, self.around, routes(solver))
         self._progress_checker = ProgressChecker(params.follow.give_up_s)
@@ -169,11 +178,15 @@ class NavigationController:
 
     @property
     def remaining_m(self) -> float:
-        """Length of the plan from the robot to the goal, m; 0 without a plan or a pose."""
+        """Length of the way from the robot to the goal, m; 0 without a plan or a pose.
+
+        That of the plan, and across levels what is behind it, rides included, by straight lines in the map's plane.
+        """
         if self.path is None or self._located is None:
             return 0.0
         pose = self._located.pose
-        return self.path.length_m - self.path.project(pose.x, pose.y)[0]
+        beyond_m = 0.0 if self._stage is None else self._stage.beyond_m
+        return self.path.length_m - self.path.project(pose.x, pose.y)[0] + beyond_m
 
     @property
     def recoveries(self) -> int:
@@ -224,6 +237,9 @@ class NavigationController:
         problem = _EMERGENCY if emergency_stop else refusal(request, self._map_frame, now_s, pose, self._params.goal)
         problem = problem or self.around.goal_problem(self._footprint(), request.pose)
         problem = problem or self._known_unreachable(request.pose, located)
+        if not problem and pose is not None:
+            way = self._way(pose, request.pose)
+            problem = way if isinstance(way, Refusal) else None
         if problem:
             self._abort(problem)
             return problem.text
@@ -247,6 +263,7 @@ class NavigationController:
         """One step of the control loop. Never returns a twist that is not finite."""
         dt_s = self._step_s(situation.now_s)
         self._since_plan_s += dt_s
+        self._relocated_s += dt_s
         self._know(situation.now_s, situation.located)
         located = situation.located
         if located is not None:
@@ -262,7 +279,11 @@ class NavigationController:
         obstacle = self._obstacle(situation)
         if obstacle and self._state is not NavigationState.IDLE:
             self._hold(obstacle)
-        if located is None or obstacle or self._state is NavigationState.IDLE:
+        ride = None if situation.emergency_stop else self._in_lift(located)
+        if ride is not None and located is not None:
+            self._departure.drop()
+            output = self._ride(ride, located)
+        elif located is None or obstacle or self._state is NavigationState.IDLE:
             self._departure.drop()
             output = self._idle()
         else:
@@ -277,12 +298,17 @@ class NavigationController:
             located = None
         planned = self._state is not NavigationState.FOLLOWING or self._follower.route is not None
         ahead = None
-        if self._goal is None:
+        ride = None if self._stage is None else self._stage.ride
+        if self._goal is None or ride is not None:
             ahead = np.empty((0, 3))
         elif located is not None and self.path is not None and self._state is not NavigationState.HELD and planned:
             ahead = self._follower.ahead(self.path, self.path.project(located.pose.x, located.pose.y)[0])
         here, stands = (None, False) if located is None else (located.pose, self._standing(located.twist))
-        return self.around.doors.update(ahead, here, self._footprint(), self._now_s, stands=stands)
+        kept = "" if self._stage is None or ride is not None else self._stage.door
+        called = "" if ride is None else ride.end.door
+        return self.around.doors.update(
+            ahead, here, self._footprint(), self._now_s, stands=stands, kept=kept, called=called
+        )
 
     def _check_progress(self, dt_s: float) -> None:
         """Ends the goal if the robot does not follow its commands."""
@@ -367,29 +393,70 @@ class NavigationController:
         return self._arrive(located, 0.0)
 
     def _arrive(self, located: Located, dt_s: float) -> Output:
-        assert self._goal is not None
+        goal, stage = self._here, self._stage
         g = self._params.goal
         self._settling_s += dt_s
-        error = tracking_error(self._goal, located.pose)
+        error = tracking_error(goal, located.pose)
         late = self._settling_s >= g.settle_s
         # After the settling time the goal tolerance itself suffices.
         near = error.distance_m() <= (g.position_tolerance_m if late else g.settled_position_m)
         turned = abs(error.yaw) <= (g.yaw_tolerance_rad if late else g.settled_yaw_rad)
         if near and turned:
             if self._standing(located.twist):
+                if stage is not None and stage.door:
+                    self._hold("in the lift")
+                    return Output(ZERO_TWIST, self._state, self._text, error=error)
                 text = f"goal reached, {1e3 * error.distance_m():.0f} mm off"
                 self._end = GoalEnd(GoalStatus.SUCCEEDED, text)
                 self._finish(Trigger.REACHED, "goal reached")
                 return Output(ZERO_TWIST, self._state, self._text, error=error)
-            return Output(ZERO_TWIST, self._state, "stopping at the goal", self._goal, error)
+            return Output(ZERO_TWIST, self._state, "stopping at the goal", goal, error)
         if late:
             self._begin(self._measured(located))
-            return Output(ZERO_TWIST, self._state, self._text, self._goal, error)
+            return Output(ZERO_TWIST, self._state, self._text, goal, error)
         limits = self._limits()
         assert limits is not None  # else the tick had found an obstacle
         slow = limits.cruise.slower(SpeedLimit(g.arrival_speed_mps, g.arrival_yaw_rate_radps))
-        twist = settle_command(self._goal, located.pose, slow, self._params.tracking)
-        return Output(twist, self._state, "arriving", self._goal, error)
+        twist = settle_command(goal, located.pose, slow, self._params.tracking)
+        return Output(twist, self._state, "arriving", goal, error)
+
+    # --- lifts -------------------------------------------------------------------------------------------------------
+
+    def _way(self, pose: Pose2, goal: Pose2) -> Stage | Refusal:
+        stage = self._lifts.stage(pose, goal)
+        if stage is None:
+            text = f"no lift leads to the level of goal ({goal.x:.2f}, {goal.y:.2f})"
+            return Refusal(GoalCode.NO_VALID_PATH, text)
+        if stage.door and not self.around.doors.clear(stage.door, self._footprint(), stage.goal):
+            return Refusal(GoalCode.NO_VALID_PATH, f"the robot in the cabin is not clear of door {stage.door!r}")
+        return stage
+
+    def _in_lift(self, located: Located | None) -> Ride | None:
+        """The ride that goes on. A pose that leaves the cabin, except to the wanted level, ends the goal."""
+        ride = None if self._stage is None else self._stage.ride
+        if ride is None or located is None:
+            return None
+        if self._lifts.is_in(ride, ride.start, located.pose):
+            return ride
+        self._stage = None
+        if not self._lifts.is_in(ride, ride.end, located.pose):
+            text = f"the pose has left the cabin of lift {ride.lift} during the ride: check it"
+            self._withdraw(GoalEnd(GoalStatus.ABORTED, text, GoalCode.FAILED_TO_MAKE_PROGRESS))
+        return None
+
+    def _ride(self, ride: Ride, located: Located) -> Output:
+        """At rest in the cabin, until its door is open at the wanted level; then the pose goes on there.
+
+        Also while motion is forbidden: between the walls of a closed cabin localization may be lost.
+        """
+        self._text = self.around.doors.text or f"in lift {ride.lift}: calls level {ride.level}"
+        if not (self._standing(located.twist) and self.around.doors.permits(ride.end.door, self._now_s)):
+            return self._idle()
+        self._text = f"in lift {ride.lift}: changes to level {ride.level} in the map"
+        if self._relocated_s < self._params.door.relocation_s:
+            return self._idle()
+        self._relocated_s = 0.0
+        return replace(self._idle(), relocated=ride.arrival(located.pose))
 
     # --- among obstacles ---------------------------------------------------------------------------------------------
 
@@ -413,13 +480,13 @@ class NavigationController:
 
     def _follow(self, located: Located) -> None:
         """Plans a route around the obstacles and follows it, starting from the last command."""
-        assert self._goal is not None
+        goal = self._here
         moves = self._state in (NavigationState.DRIVING, NavigationState.FOLLOWING, NavigationState.BRAKING)
         self._trajectory = None
         self._enter(Trigger.OBSTRUCTED)
         self._narrow_mps, self._since_try_s = math.inf, 0.0
-        self._text = self._follower.begin(self._goal, located, self._footprint(), self._twist if moves else ZERO_TWIST)
-        self.path = self._follower.route or _straight(self._goal, located)
+        self._text = self._follower.begin(goal, located, self._footprint(), self._twist if moves else ZERO_TWIST)
+        self.path = self._follower.route or _straight(goal, located)
 
     def _follow_on(self, located: Located, dt_s: float) -> Output:
         assert self._goal is not None
@@ -469,6 +536,12 @@ class NavigationController:
             trajectory, from_s, self.around, self._footprint(), self._params, self._now_s, entering=entering
         )
 
+    @property
+    def _here(self) -> Pose2:
+        """The goal, or the place on this level to which its way leads first."""
+        assert self._goal is not None
+        return self._goal if self._stage is None else self._stage.goal
+
     def _footprint(self) -> Footprint:
         return self._robot.footprint_with_chair if self._passenger else self._robot.footprint
 
@@ -483,7 +556,7 @@ class NavigationController:
         if self._goal is not None and _same(goal, self._goal) and self._state is not NavigationState.IDLE:
             return
         start = self._present(located)
-        self._goal, self._follower.recoveries = goal, 0
+        self._goal, self._stage, self._follower.recoveries = goal, None, 0
         # A client may withdraw its goal and send it again after a warning: that is no progress.
         if self._checked_goal is None or not _same(goal, self._checked_goal):
             self._progress_checker.reset()
@@ -506,14 +579,23 @@ class NavigationController:
         return MotionState(located.pose) if self._standing(located.twist) else moving(located.pose, located.twist)
 
     def _begin(self, start: MotionState, *, same_way: bool = False) -> bool:
-        """Plans from ``start`` to the goal and drives. False on failure; the state then gives the reason."""
+        """Plans from ``start`` to the goal and drives. False on failure, and if it rides in a lift instead; the state
+        then gives the reason.
+        """
         limits = self._limits()
         if self._goal is None or limits is None:
             self._hold("no limits to drive with")
             return False
         problem = too_far(self._goal, start.pose, self._params.goal)
-        if problem:
-            self._abort(Refusal(GoalCode.INVALID, problem))
+        stage = Refusal(GoalCode.INVALID, problem) if problem else self._way(start.pose, self._goal)
+        if isinstance(stage, Refusal):
+            self._abort(stage)
+            return False
+        self._stage = replace(stage, ride=None)
+        rides = stage.ride is not None and self._state is NavigationState.HELD
+        if rides and self.around.doors.clear(stage.door, self._footprint(), start.pose):
+            self._stage = stage
+            self._hold("in the lift")
             return False
         trajectory = self._motion(start, limits)
         if trajectory is None:
@@ -530,9 +612,8 @@ class NavigationController:
 
     def _motion(self, start: MotionState, limits: PlanningLimits) -> Trajectory | None:
         """The exact motion to the goal; None, and HELD with the reason, if there is none."""
-        assert self._goal is not None
         try:
-            return plan_motion(start, self._goal, limits)
+            return plan_motion(start, self._here, limits)
         except ValueError as error:
             self._hold(f"no plan: {error}")
             return None
@@ -567,7 +648,7 @@ class NavigationController:
         self._end = end
         limits, located = self._limits(), self._located
         moves = self._state in (NavigationState.DRIVING, NavigationState.FOLLOWING) and self._twist != ZERO_TWIST
-        self._goal = None
+        self._goal = self._stage = None
         self._follower.forget(withdrawn=True)
         if moves and located is not None and limits is not None:
             self._enter(Trigger.WITHDRAWN_MOVING)
@@ -584,7 +665,7 @@ class NavigationController:
         self._enter(Trigger.FORBIDDEN)
 
     def _finish(self, trigger: Trigger, text: str) -> None:
-        self._goal = self._trajectory = self.path = None
+        self._goal = self._stage = self._trajectory = self.path = None
         self._enter(trigger)
         self._text = text
 

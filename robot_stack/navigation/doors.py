@@ -8,13 +8,14 @@ open for it, or staff have confirmed that it is; in the zone it goes on, and wha
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from robot_stack.contract.states import DOOR_WAITS, DoorMode, DoorPhase
+from robot_stack.core.config import ConfigError
 from robot_stack.core.doors import wait_text
 from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.robot import Footprint
@@ -73,8 +74,9 @@ class _Passage:
 
 
 class _Door:
-    def __init__(self, zone: Zone) -> None:
-        self.zone = zone
+    def __init__(self, zone: Zone, params: DoorParams, *, lift: bool) -> None:
+        self.zone, self.lift = zone, lift
+        self.answer_s = params.lift_answer_s if lift else params.answer_s
         self._low, self._high = zone.rings[0].min(axis=0), zone.rings[0].max(axis=0)
         # The first and the last report of the present run of reports that the door is open.
         self._open_from_s = self._open_until_s = self._shut_s = math.nan
@@ -86,11 +88,15 @@ class _Door:
             if self.passage is not None:
                 self.passage.confirmed = False
         if state.mode != DoorMode.OPEN or not state.held:
-            self._open_from_s = self._open_until_s = math.nan
+            self.doubt()
         elif -_CLOCKS_S <= now_s - state.stamp_s <= _STALE_S:
             if not self._is_open(now_s):
                 self._open_from_s = now_s
             self._open_until_s = now_s
+
+    def doubt(self) -> None:
+        """Ends the present run of reports that the door is open."""
+        self._open_from_s = self._open_until_s = math.nan
 
     def is_shut(self, now_s: float) -> bool:
         """Reported closed or moving."""
@@ -121,11 +127,18 @@ class _Door:
 
 
 class Doors:
-    """The doors among the zones of a site. Times are those of the node's clock, s; one that steps delays a passage."""
+    """The doors among the zones of a site. Times are those of the node's clock, s; one that steps delays a passage.
 
-    def __init__(self, zones: Iterable[Zone], params: DoorParams) -> None:
-        self._params = params
-        self._doors = {zone.name: _Door(zone) for zone in zones if zone.type is ZoneType.DOOR}
+    lifts: the lift of each door that belongs to one: it answers later than others, and its cabin may be elsewhere.
+    Raises ConfigError if such a door is no zone.
+    """
+
+    def __init__(self, zones: Iterable[Zone], params: DoorParams, lifts: Mapping[str, str] | None = None) -> None:
+        self._params, self._lifts = params, lifts or {}
+        found = (zone for zone in zones if zone.type is ZoneType.DOOR)
+        self._doors = {zone.name: _Door(zone, params, lift=zone.name in self._lifts) for zone in found}
+        if unknown := sorted(set(self._lifts) - set(self._doors)):
+            raise ConfigError(f"the site's lifts have doors that are no zones of type door: {', '.join(unknown)}")
         self._closed: tuple[_Door, ...] = tuple(self._doors.values())
         self._passages = 0
 
@@ -142,8 +155,14 @@ class Doors:
     def on_state(self, state: DoorState, now_s: float) -> None:
         """Takes a report of the building; one of an unknown door is ignored."""
         door = self._doors.get(state.name)
-        if door is not None:
-            door.on_state(state, now_s)
+        if door is None:
+            return
+        door.on_state(state, now_s)
+        if door.lift and state.mode in (DoorMode.OPEN, DoorMode.MOVING):
+            # A cabin is at one level: reports of two open doors contradict each other.
+            lift = self._lifts[state.name]
+            for name in (other for other, owner in self._lifts.items() if owner == lift and other != state.name):
+                self._doors[name].doubt()
 
     def confirm(self, name: str, now_s: float) -> str:
         """Staff see that the door is open: it counts for the present passage, until the building reports it closed or
@@ -159,19 +178,43 @@ class Doors:
         door.passage.confirmed = True
         return ""
 
+    def permits(self, name: str, now_s: float) -> bool:
+        """Whether the door is open for the robot; False for an unknown one."""
+        return name in self._doors and self._doors[name].permits(now_s)
+
+    def clear(self, name: str, footprint: Footprint, pose: Pose2) -> bool:
+        """Whether the footprint is outside of the door's zone."""
+        return not self._doors[name].meets(footprint, _row(pose))[0]
+
     def update(
-        self, ahead: Array | None, here: Pose2 | None, footprint: Footprint, now_s: float, *, stands: bool
+        self,
+        ahead: Array | None,
+        here: Pose2 | None,
+        footprint: Footprint,
+        now_s: float,
+        *,
+        stands: bool,
+        kept: str = "",
+        called: str = "",
     ) -> tuple[DoorRequest, ...]:
         """One tick. ahead: (n, 3) poses of the route from the robot on, map, evenly spaced; empty without a goal, None
         while no route is planned. here: None while unknown. Returns the requests to publish.
+
+        kept: of the cabin into which the route leads: its passage does not end before the ride. called: the robot waits
+        in the cabin of a lift until this door is open; ``ahead`` is then empty.
         """
         if ahead is not None:  # what lies behind a closed door is requested once it is open
             ahead = ahead[: self.closed_from(footprint, ahead) + 1]
         requests = []
         for door in self._doors.values():
-            request = self._update(door, ahead, here, footprint, now_s, stands=stands)
+            name = door.zone.name
+            request = self._update(
+                door, ahead, here, footprint, now_s, stands=stands, kept=name == kept, called=name == called
+            )
             if request is not None:
                 requests.append(request)
+        # The building never finds a cabin without a session between two doors of a lift.
+        requests.sort(key=lambda request: request.mode is DoorMode.CLOSED)
         self._closed = tuple(door for door in self._doors.values() if not door.permits(now_s))
         return tuple(requests)
 
@@ -184,21 +227,26 @@ class Doors:
         now_s: float,
         *,
         stands: bool,
+        kept: bool,
+        called: bool,
     ) -> DoorRequest | None:
         passage, name = door.passage, door.zone.name
         inside = passage is not None and passage.inside
         if here is not None:
             inside = bool(door.meets(footprint, _row(here))[0])
         met = None if ahead is None else door.meets(footprint, ahead)
-        if not inside and (passage is None if met is None else not met.any()):
+        holds = called or (kept and passage is not None)
+        if not inside and not holds and (passage is None if met is None else not met.any()):
             door.passage = None
             return None if passage is None else DoorRequest(name, passage.number, DoorMode.CLOSED, DoorPhase.LEFT)
         if passage is None:
             self._passages += 1
-            passage = door.passage = _Passage(self._passages, entered=inside)
+            # Only a report shows that the cabin of a lift is at this level of the map.
+            passage = door.passage = _Passage(self._passages, entered=inside and not door.lift)
         passage.entered = inside and door.permits(now_s)
         passage.inside = inside
-        phase = self._phase(door, passage, ahead, met, now_s, stands=stands)
+        behind = kept and not inside and met is not None and not met.any()
+        phase = DoorPhase.PASSING if behind else self._phase(door, passage, ahead, met, now_s, stands=stands)
         if phase is passage.phase and 0.0 <= now_s - passage.asked_s < _REPEAT_S:
             return None
         passage.phase, passage.asked_s = phase, now_s
@@ -227,7 +275,7 @@ class Doors:
             return passage.phase
         if not now_s >= passage.waiting_since_s:  # also the first time, when it is NaN
             passage.waiting_since_s = now_s
-        late = now_s - passage.waiting_since_s >= self._params.answer_s
+        late = now_s - passage.waiting_since_s >= door.answer_s
         return DoorPhase.ASKING_STAFF if late else DoorPhase.WAITING
 
     # --- closed doors ------------------------------------------------------------------------------------------------

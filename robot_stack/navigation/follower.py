@@ -318,7 +318,7 @@ class RouteFollower:
         # The robot may leave a place nearer to an obstacle than the margin.
         # A closed door stops the robot by itself, and what is behind it may change until it is open.
         clear = clear[: self._around.doors.closed_from(footprint, ahead)]
-        blocked = np.flatnonzero(clear[5:] < min(self._params.follow.blocked_margin_m, *clear[:1]))
+        blocked = np.flatnonzero(clear[5:] < min((self._params.follow.blocked_margin_m, *clear[:1])))
         self._blocked_looks = self._blocked_looks + 1 if len(blocked) else 0
         if self._blocked_looks >= 2:
             x, y, _ = ahead[blocked[0] + 5]

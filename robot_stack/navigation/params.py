@@ -128,10 +128,14 @@ class GraphParams(Config):
 
 
 class DoorParams(Config):
-    """Doors of the site. stop_m: before the zone. answer_s: a robot that has waited for longer asks staff."""
+    """Doors of the site. stop_m: before the zone. answer_s, and lift_answer_s for the doors of lifts: a robot that has
+    waited for longer asks staff. relocation_s: until a change of the level in the map is repeated.
+    """
 
     stop_m: Positive
     answer_s: Positive
+    lift_answer_s: Positive
+    relocation_s: Positive
 
 
 class LocalParams(Config):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -44,7 +45,8 @@ _ZONE_LEAD_S = 0.4
 
 
 class WorldModel:
-    """grid: of the site map, None without one. zones, lanes: of the site. Poses are in map unless noted as odom.
+    """grid: of the site map, None without one. zones, lanes: of the site; lifts: the lift of each of their doors. Poses
+    are in map unless noted as odom.
 
     ``grid`` and ``local`` have keepout zones as obstacles. What the costmap sees in them is not explained by the map.
     local: in odom, of the newest costmap, with the map's obstacles that it does not see. Without costmaps, of the map
@@ -57,6 +59,7 @@ class WorldModel:
         grid: Grid | None,
         zones: tuple[Zone, ...] = (),
         lanes: Lanes | None = None,
+        lifts: Mapping[str, str] | None = None,
     ) -> None:
         self._params = params
         # Straight motions are shorter than this: longer ones follow the lanes.
@@ -68,7 +71,7 @@ class WorldModel:
         self._limit_rad = limit_rad(params.one_way.tolerance_rad)
         # Way against the one-way zones at the robot, beyond the permitted courses, less the way along them.
         self.back_m = 0.0
-        self.doors = Doors(zones, params.door)
+        self.doors = Doors(zones, params.door, lifts)
         self._zones = zones if lanes is None else (*zones, *lanes.speed_zones())
         self._slow = [zone for zone in self._zones if zone.type is ZoneType.SPEED]
         outlines = [zone.rings[0] for zone in self._slow]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from robot_stack.contract import services, topics
+from robot_stack.contract import frames, services, topics
 from robot_stack.core.docks import load_docks
 from robot_stack.core.site_map import map_checksum
 from robot_stack.fleet.factsheet import factsheet
@@ -15,7 +15,6 @@ from robot_stack.fleet.link import Connected, Disconnected, Link, LinkEvent, Rec
 from robot_stack.fleet.nodes.journal_file import JournalFile
 from robot_stack.fleet.nodes.messages import (
     battery_of,
-    initial_pose,
     mission_of,
     queue_of,
     request_message,
@@ -26,7 +25,7 @@ from robot_stack.fleet.params import FleetParams
 from robot_stack.fleet.progress import Request
 from robot_stack.fleet.robot import RobotView
 from robot_stack.fleet.vehicle import Vehicle
-from robot_stack.middleware.conversions import pose_from_msg, twist_from_msg
+from robot_stack.middleware.conversions import initial_pose, pose_from_msg, twist_from_msg
 from robot_stack.middleware.node import StackNode
 from robot_stack.middleware.wheelchair import WheelchairInput
 
@@ -90,7 +89,7 @@ class FleetAgentNode(StackNode):
         if outputs.request is not None:
             self._ask(outputs.request)
         if outputs.pose is not None:
-            self._initial_pose.publish(initial_pose(outputs.pose, self.stamp()))
+            self._initial_pose.publish(initial_pose(outputs.pose, frames.MAP, self.stamp()))
         for topic, payload in outputs.messages.items():
             self._link.send(topic, payload)
 

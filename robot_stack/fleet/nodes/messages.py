@@ -5,17 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PoseWithCovarianceStamped
 from sensor_msgs.msg import BatteryState
 
 from custom_msgs.msg import MissionOrder, MissionQueue, MissionStatus, MissionWaypoint, SafetyStatus
 from custom_msgs.srv import EditMissionQueue
-from robot_stack.contract import frames
 from robot_stack.contract.model import SafetyState
-from robot_stack.core.geometry import Pose2
 from robot_stack.fleet.progress import Request
 from robot_stack.fleet.robot import FLEET, Battery, MissionView, Queue, Safety
-from robot_stack.middleware.conversions import pose_to_msg
 
 _CHARGING = BatteryState.POWER_SUPPLY_STATUS_CHARGING
 _PRIORITY = 100
@@ -68,11 +64,3 @@ def request_message(request: Request) -> Any:
     return EditMissionQueue.Request(
         operation=int(request.operation), order=order, waypoints=waypoints, first=request.first
     )
-
-
-def initial_pose(pose: Pose2, stamp: Time) -> PoseWithCovarianceStamped:
-    """Without a covariance: localization has its own for a start."""
-    message = PoseWithCovarianceStamped()
-    message.header.frame_id, message.header.stamp = frames.MAP, stamp
-    message.pose.pose = pose_to_msg(pose)
-    return message

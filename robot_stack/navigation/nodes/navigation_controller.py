@@ -19,6 +19,7 @@ from robot_stack.contract import frames, services, topics
 from robot_stack.core.config import load
 from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import ZERO_TWIST
+from robot_stack.core.levels import load_levels
 from robot_stack.core.limits import SpeedLimit
 from robot_stack.core.route_graph import load_graph
 from robot_stack.core.site_map import load_map
@@ -59,9 +60,9 @@ class NavigationControllerNode(StackNode):
         if files is not None and zones:
             self.get_logger().info(f"{len(zones)} zones of {files.in_force}")
         graph = load_graph(self.params.map) if self.params.map else None
-        self.controller = NavigationController(
-            self.params, self.robot, frames.MAP, self._departure, grid, self._background_planner, zones, graph
-        )
+        levels = load_levels(self.params.map) if self.params.map else None
+        site = (grid, self._background_planner, zones, graph, levels)
+        self.controller = NavigationController(self.params, self.robot, frames.MAP, self._departure, *site)
         if grid is not None or self.params.use_costmap:
             warm_up()
         inputs = (topics.ODOM, topics.CURRENT_POSE, topics.LOCAL_COSTMAP, topics.PEOPLE)
@@ -190,6 +191,7 @@ class NavigationControllerNode(StackNode):
         self._outputs.command(output.twist)
         self._outputs.plan(self.controller.path)
         self._outputs.doors(output.doors)
+        self._outputs.relocate(output.relocated)
         self._end_goal(output.end)
         self._publish_feedback(located)
         self._report_state(output, problem)

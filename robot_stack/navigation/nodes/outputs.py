@@ -7,15 +7,18 @@ from collections.abc import Iterable
 from builtin_interfaces.msg import Time
 from std_msgs.msg import String
 
-from robot_stack.contract import topics
-from robot_stack.core.geometry import Twist2
+from robot_stack.contract import frames, topics
+from robot_stack.core.geometry import Pose2, Twist2
 from robot_stack.core.people import Person
-from robot_stack.middleware.conversions import time_to_s, twist_to_msg
+from robot_stack.middleware.conversions import initial_pose, time_to_s, twist_to_msg
 from robot_stack.middleware.node import StackNode
 from robot_stack.navigation.doors import DoorRequest
 from robot_stack.navigation.nodes.messages import building_request, path_message
 from robot_stack.navigation.nodes.people_markers import people_markers
 from robot_stack.navigation.path import Path
+
+# Deviations of a pose in the cabin of a lift: of its places in both levels, and of the pose before the ride.
+_CABIN_M, _CABIN_RAD = 0.15, 0.05
 
 
 class NavigationOutputs:
@@ -31,6 +34,7 @@ class NavigationOutputs:
         self._status = node.advertise(topics.NAVIGATION_STATUS)
         self._people = node.advertise(topics.NAVIGATION_PEOPLE)
         self._requests = node.advertise(topics.BUILDING_REQUEST)
+        self._initial_pose = node.advertise(topics.INITIAL_POSE)
         self.requester = f"{node.get_name()}_{node.port.process_id}_{node.now_s():.3f}"
         self._shown_path: Path | None = None
         self._plan_shown = False
@@ -49,6 +53,12 @@ class NavigationOutputs:
     def doors(self, requests: Iterable[DoorRequest]) -> None:
         for request in requests:
             self._requests.publish(building_request(request, self.requester, self._node.stamp()))
+
+    def relocate(self, pose: Pose2 | None) -> None:
+        """Publishes the pose from which localization goes on, in the cabin of a lift, if there is one."""
+        if pose is not None:
+            message = initial_pose(pose, frames.MAP, self._node.stamp(), _CABIN_M, _CABIN_RAD)
+            self._initial_pose.publish(message)
 
     def status(self, text: str) -> None:
         if text != self._status_text:

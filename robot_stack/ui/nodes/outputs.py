@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped
+from geometry_msgs.msg import PoseStamped
 from std_msgs.msg import Header, String
 
 from custom_msgs.msg import UICommand
 from robot_stack.contract import frames, topics
 from robot_stack.core.geometry import Pose2, Twist2
-from robot_stack.middleware.conversions import pose_stamped, pose_to_msg, twist_stamped
+from robot_stack.middleware.conversions import initial_pose, pose_stamped, twist_stamped
 from robot_stack.middleware.node import StackNode
 
 # Deviations of a pose dragged by finger: half a metre and 15 degrees, as in RViz's tool.
-_POSITION_M2 = 0.25
-_YAW_RAD2 = 0.0685
+_POSITION_M, _YAW_RAD = 0.5, 0.2618
 
 
 class Outputs:
@@ -48,12 +47,7 @@ class Outputs:
         self._language.publish(String(data=code))
 
     def set_pose(self, pose: Pose2) -> None:
-        message = PoseWithCovarianceStamped()
-        message.header.frame_id, message.header.stamp = frames.MAP, self._node.stamp()
-        message.pose.pose = pose_to_msg(pose)
-        message.pose.covariance[0] = message.pose.covariance[7] = _POSITION_M2
-        message.pose.covariance[35] = _YAW_RAD2
-        self._pose.publish(message)
+        self._pose.publish(initial_pose(pose, frames.MAP, self._node.stamp(), _POSITION_M, _YAW_RAD))
 
     def go(self, pose: Pose2) -> None:
         self._goal.publish(pose_stamped(pose, frames.MAP, self._node.stamp()))
