@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from robot_stack.core.geometry import IDENTITY, Pose2
+from robot_stack.core.levels import Levels
 from robot_stack.core.point_cloud import Points
 from robot_stack.localization.filter import Array
 from robot_stack.localization.history import NO_DOUBT, Correction
@@ -34,12 +35,17 @@ _UNKNOWN = np.diag([1e6, 1e6, math.pi**2])
 
 
 class MapLocalizer(Localizer):
-    """A localizer with a map. See :class:`Localizer` for the other arguments."""
+    """A localizer with a map. levels: a search stays on that of the last pose. See :class:`Localizer` for the rest."""
 
     def __init__(
-        self, params: LocalizationParams, max_speed_mps: float, max_yaw_rate_radps: float, matcher: NdtMatcher
+        self,
+        params: LocalizationParams,
+        max_speed_mps: float,
+        max_yaw_rate_radps: float,
+        matcher: NdtMatcher,
+        levels: Levels | None = None,
     ) -> None:
-        self._ndt = params.ndt
+        self._ndt, self._levels = params.ndt, levels or Levels()
         super().__init__(params, max_speed_mps, max_yaw_rate_radps)
         self._matcher = matcher
         self._localization = LocalizationState(params.ndt)
@@ -264,12 +270,12 @@ class MapLocalizer(Localizer):
         self._filter.start(self._filter.stamp_s)
 
     def _region(self, predicted: Pose2) -> Region:
-        search = self._ndt.search
+        search, area = self._ndt.search, self._levels.area_at(predicted)
         if self._searched_near:
-            return Region(predicted.x, predicted.y, math.inf)
+            return Region(predicted.x, predicted.y, math.inf, area=area)
         known = self._heading_kept and 3.0 * self._filter.state().yaw_sigma_rad < search.near_turn_rad
         turn_rad = search.near_turn_rad if known else math.pi
-        return Region(predicted.x, predicted.y, search.near_radius_m, predicted.yaw, turn_rad)
+        return Region(predicted.x, predicted.y, search.near_radius_m, predicted.yaw, turn_rad, area)
 
     def _motion(self, stamp_s: float, at_stamp: Pose2) -> Array:
         """(k, 4) rows of time, x, y, yaw: base_link during the sweep, in base_link at its stamp."""

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.levels import Area
 from robot_stack.localization.ndt import scoring
 from robot_stack.localization.ndt.matcher import Match, NdtMatcher, pose_of
 from robot_stack.localization.ndt.params import SearchParams
@@ -21,7 +22,8 @@ Floats = npt.NDArray[np.float64]
 class Region:
     """The search region: within radius_m of (x_m, y_m), with headings within turn_rad of yaw_rad.
 
-    An infinite radius is the whole map, pi every heading.
+    An infinite radius is the whole map, pi every heading. area: the level to which all of it is restricted; None: the
+    site has one level.
     """
 
     x_m: float
@@ -29,6 +31,7 @@ class Region:
     radius_m: float
     yaw_rad: float = 0.0
     turn_rad: float = math.pi
+    area: Area | None = None
 
     def has(self, yaw_rad: float) -> bool:
         return abs(math.remainder(yaw_rad - self.yaw_rad, math.tau)) <= self.turn_rad
@@ -98,6 +101,8 @@ def _places(matcher: NdtMatcher, region: Region, step_m: float) -> Floats:
     rows, columns = rows * stride, columns * stride
     x, y = (rows + field.corner[0] + 0.5) * field.size_m, (columns + field.corner[1] + 0.5) * field.size_m
     near = np.hypot(x - region.x_m, y - region.y_m) <= region.radius_m
+    if (area := region.area) is not None:
+        near &= (x >= area.min_x_m) & (x < area.max_x_m) & (y >= area.min_y_m) & (y < area.max_y_m)
     places: Floats = np.stack([x, y, field.ground[rows, columns]], axis=1)[near]
     return places
 

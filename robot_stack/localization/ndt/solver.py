@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from robot_stack.core.geometry import Pose2
+from robot_stack.core.levels import Area
 from robot_stack.core.point_cloud import Points
 from robot_stack.core.site_map import Cells
 from robot_stack.localization.ndt import cloud
@@ -109,9 +110,9 @@ class SweepSolver:
         weighed = self.matcher.weighed(points, best, self._lidar)
         return None if lack_of_evidence(weighed, evidence) else weighed
 
-    def _fits_nowhere_better(self, request: MatchRequest, points: Floats, near: Match) -> bool:
+    def _fits_nowhere_better(self, request: MatchRequest, points: Floats, near: Match, area: Area | None) -> bool:
         """The last pose selects between places that fit alike, but a better fit elsewhere overrules it."""
-        everywhere = Region(0.0, 0.0, math.inf)
+        everywhere = Region(0.0, 0.0, math.inf, area=area)
         best = search(self.matcher, points, request.up, everywhere, self._params.search).best
         return best is None or near.score >= self._params.search.near_ratio * best.score
 
@@ -126,7 +127,7 @@ class SweepSolver:
         if found.best is not None and found.best.structure < self._params.gate.min_structure_points:
             return MatchResult(request, None, len(points), "no structure to find the pose")
         if found.best is not None and found.clear(self._params.search):
-            if math.isinf(region.radius_m) or self._fits_nowhere_better(request, points, found.best):
+            if math.isinf(region.radius_m) or self._fits_nowhere_better(request, points, found.best, region.area):
                 return MatchResult(request, found.best, len(points), "")
             return MatchResult(request, None, len(points), "a pose elsewhere fits better than those near the last")
         alone = self._standing_out(region, points, found)

@@ -14,6 +14,7 @@ from std_msgs.msg import Float32
 
 from robot_stack.contract import frames, topics
 from robot_stack.core.config import ConfigError
+from robot_stack.core.levels import load_levels
 from robot_stack.core.site_map import SiteMap, load_map
 from robot_stack.localization.localizer import Estimate, Localizer, planar_covariance, usable_covariance
 from robot_stack.localization.map_localizer import MapLocalizer
@@ -51,9 +52,9 @@ class NdtLocalizationNode(StackNode, bulk=True):
             warm_up()
             site = load_map(self.params.map)
             self._solver = self._make_solver(site)
-            self.localizer = self._map = MapLocalizer(
-                self.params, motion.max_speed_mps, motion.max_yaw_rate_radps, self._solver.matcher
-            )
+            limits = motion.max_speed_mps, motion.max_yaw_rate_radps
+            levels = load_levels(self.params.map)
+            self.localizer = self._map = MapLocalizer(self.params, *limits, self._solver.matcher, levels)
             self._worker = self.worker("matching")
             self.advertise(topics.MAP).publish(map_grid(site.grid, self.stamp()))
             self.advertise(topics.MAP_CLOUD).publish(map_cloud(site.cells, self.stamp()))

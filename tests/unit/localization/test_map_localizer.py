@@ -10,6 +10,7 @@ import pytest
 
 from robot_stack.core.config import load
 from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_se2
+from robot_stack.core.levels import Area, Levels
 from robot_stack.core.point_cloud import SWEEP, Points
 from robot_stack.localization.gyro import ImuSample
 from robot_stack.localization.localizer import Estimate
@@ -499,6 +500,22 @@ def test_between_two_places_that_look_alike_motion_decides() -> None:
             break
     assert story.localizer.confidence is Confidence.TRACKING
     assert story.error_m() < 0.05
+
+
+def test_a_search_stays_on_the_level_of_the_last_pose() -> None:
+    """The equal courtyard of another level is no rival, and is found from a pose on its own level."""
+    site, truth = twins_solver(), Pose2(-7.0, -4.0, 0.0)
+    areas = {
+        name: Area(min_x_m=x, max_x_m=x + 80.0, min_y_m=-30.0, max_y_m=30.0) for name, x in (("a", -40), ("b", 40))
+    }
+    for start_x_m, found_x_m in ((30.0, truth.x), (45.0, truth.x + 80.0)):
+        localizer = MapLocalizer(params(start_x_m=start_x_m), 1.5, 1.0, site.matcher, Levels(levels=areas))
+        story = Ride(localizer, truth, place=twins, solver=site)
+        for _ in range(40):
+            story.drive(0.1)
+            assert localizer.confidence is not Confidence.AMBIGUOUS
+        assert localizer.confidence is Confidence.TRACKING
+        assert story.estimate().pose.x == pytest.approx(found_x_m, abs=0.1)
 
 
 def test_ambiguous_places_keep_pose_unknown() -> None:
