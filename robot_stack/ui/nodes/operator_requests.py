@@ -35,55 +35,40 @@ class Refusals:
 NO_MONITOR, REFUSED, BUSY = "answer.no_monitor", "answer.reset_refused", "answer.reset_busy"
 NO_MISSIONS, QUEUE_REFUSED, QUEUE_BUSY = "answer.no_missions", "answer.queue_refused", "answer.queue_busy"
 NO_DOCKING, UNDOCK_FAILED, UNDOCK_BUSY = "answer.no_docking", "answer.undock_failed", "answer.undock_busy"
+UNDOCK_REFUSED = "answer.undock_refused"
 NO_NAVIGATION, DOOR_REFUSED = "answer.no_navigation", "answer.door_refused"
 RESET_REFUSALS = Refusals(NO_MONITOR, REFUSED, BUSY)
 QUEUE_REFUSALS = Refusals(NO_MISSIONS, QUEUE_REFUSED, QUEUE_BUSY)
 DOOR_REFUSALS = Refusals(NO_NAVIGATION, DOOR_REFUSED, BUSY)
+UNDOCK_REFUSALS = Refusals(NO_DOCKING, UNDOCK_REFUSED, UNDOCK_BUSY)
+_NO_RESULT = {GoalStatus.REJECTED: UNDOCK_REFUSED}
+# A server may be in discovery when its button is touched; a person has an answer within 2 s.
+DISCOVERY_S, _LOOK_S = 1.5, 0.1
 
 
-class OperatorRequest:
-    """One at a time. Every path responds exactly once. A refused request is repeated, ``tries`` times in all."""
+class _Request:
+    """One at a time. Every path responds exactly once. Waits up to ``DISCOVERY_S`` for the server."""
 
-    def __init__(
-        self, node: StackNode, params: ResetParams, row: Service, tries: int, texts: Refusals = RESET_REFUSALS
-    ) -> None:
-        self._node, self._params, self._tries_max, self._texts = node, params, tries, texts
-        self._service = interface_class(row.type)
-        self._client = node.client(row)
+    def __init__(self, node: StackNode, texts: Refusals, ready: Callable[[], bool], send: Callable[[], None]) -> None:
+        self._node, self._texts, self._ready, self._send = node, texts, ready, send
         self._answer: Answer | None = None
-        self._fields: dict[str, Any] = {}
-        self._tries = 0
-        self._number = 0  # of the request: a late response to the one before is not the answer to this one
         self._timers: list[NodeTimer] = []
 
-    def ask(self, answer: Answer, **fields: Any) -> None:
-        """fields: of the request."""
+    def _begin(self, answer: Answer) -> None:
+        """Calls ``send`` once the server is ready."""
         if self._answer is not None:
             answer(False, self._texts.busy, "")
             return
-        if not self._client.service_is_ready():
-            answer(False, self._texts.silent, "")
-            return
-        self._answer, self._fields, self._tries = answer, fields, self._tries_max
-        self._number += 1
-        self._after(self._params.timeout_s, lambda: self._end(False, self._texts.silent, ""))
-        # The safety monitor requires the release to last a moment before it grants a reset.
-        self._after(self._params.pause_s, self._call)
+        self._answer = answer
+        self._look(round(DISCOVERY_S / _LOOK_S))
 
-    def _call(self) -> None:
-        if self._answer is not None:
-            self._tries -= 1
-            self._client.call(self._service.Request(**self._fields), partial(self._on_response, self._number))
-
-    def _on_response(self, number: int, response: Any) -> None:
-        if self._answer is None or number != self._number:
-            return
-        if response.success:
-            self._end(True, "", response.message)
-        elif self._tries > 0:
-            self._after(self._params.pause_s, self._call)
+    def _look(self, looks: int) -> None:
+        if self._ready():
+            self._send()
+        elif looks:
+            self._after(_LOOK_S, lambda: self._look(looks - 1))
         else:
-            self._end(False, self._texts.refused, response.message)
+            self._end(False, self._texts.silent, "")
 
     def _after(self, seconds: float, callback: Callable[[], None]) -> None:
         def once() -> None:
@@ -103,26 +88,65 @@ class OperatorRequest:
             answer(granted, why, detail)
 
 
-class UndockRequest:
-    """One at a time. Every path responds exactly once, at the end of the undocking."""
+class OperatorRequest(_Request):
+    """A service call. A refused request is repeated, ``tries`` times in all."""
+
+    def __init__(
+        self, node: StackNode, params: ResetParams, row: Service, tries: int, texts: Refusals = RESET_REFUSALS
+    ) -> None:
+        self._params, self._tries_max = params, tries
+        self._service = interface_class(row.type)
+        self._client = node.client(row)
+        self._fields: dict[str, Any] = {}
+        self._tries = 0
+        self._number = 0  # of the request: a late response to the one before is not the answer to this one
+        super().__init__(node, texts, self._client.service_is_ready, self._start)
+
+    def ask(self, answer: Answer, **fields: Any) -> None:
+        """fields: of the request."""
+        if self._answer is None:
+            self._fields, self._tries = fields, self._tries_max
+            self._number += 1
+        self._begin(answer)
+
+    def _start(self) -> None:
+        self._after(self._params.timeout_s, lambda: self._end(False, self._texts.silent, ""))
+        # The safety monitor requires the release to last a moment before it grants a reset.
+        self._after(self._params.pause_s, self._call)
+
+    def _call(self) -> None:
+        if self._answer is not None:
+            self._tries -= 1
+            self._client.call(self._service.Request(**self._fields), partial(self._on_response, self._number))
+
+    def _on_response(self, number: int, response: Any) -> None:
+        if self._answer is None or number != self._number:
+            return
+        if response.success:
+            self._end(True, "", response.message)
+        elif self._tries > 0:
+            self._after(self._params.pause_s, self._call)
+        else:
+            self._end(False, self._texts.refused, response.message)
+
+
+class UndockRequest(_Request):
+    """An undocking; the answer is its end."""
 
     # The docking controller publishes feedback at 10 Hz; without any for this time it is asked for the goal.
     _SILENCE_S = 1.0
 
     def __init__(self, node: StackNode) -> None:
         self._client = GoalClient(node, actions.UNDOCK, self)
-        self._answer: Answer | None = None
         self._call = 0
+        super().__init__(node, UNDOCK_REFUSALS, self._client.served, self._start)
 
     def ask(self, answer: Answer) -> None:
-        if self._answer is not None:
-            answer(False, UNDOCK_BUSY, "")
-        elif not self._client.served():
-            answer(False, NO_DOCKING, "")
-        else:
-            self._answer = answer
-            self._call += 1
-            self._client.start(self._call, Undock.Goal())
+        self._begin(answer)
+
+    def _start(self) -> None:
+        self._call += 1
+        self._client.start(self._call, Undock.Goal())
 
     def poll(self) -> None:
         """Call regularly: ends a request whose server is gone."""
@@ -135,12 +159,9 @@ class UndockRequest:
         """Pages show /docking/status."""
 
     def ended(self, call: int, status: GoalStatus, result: Any) -> None:
-        answer, self._answer = self._answer, None
-        if answer is None:
-            return
         if result is None:
-            answer(False, NO_DOCKING, "")
+            self._end(False, _NO_RESULT.get(status, NO_DOCKING), "")
         elif result.success:
-            answer(True, "", "")
+            self._end(True, "", "")
         else:
-            answer(False, UNDOCK_FAILED, result.reason)
+            self._end(False, UNDOCK_FAILED, result.reason)

@@ -9,10 +9,12 @@ from typing import Any, cast
 from robot_stack.contract import services
 from robot_stack.middleware.node import StackNode
 from robot_stack.ui.nodes.operator_requests import (
+    DISCOVERY_S,
     NO_DOCKING,
     NO_MISSIONS,
     QUEUE_REFUSALS,
     UNDOCK_BUSY,
+    UNDOCK_REFUSED,
     OperatorRequest,
     UndockRequest,
 )
@@ -22,16 +24,29 @@ PARAMS = ResetParams(tries=1, pause_s=0.05, timeout_s=3.0)
 
 
 class Node:
-    """A service that answers when the test says so, and timers by hand."""
+    """A service and an action that answer when the test says so, and timers by hand."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, ready: bool = True) -> None:
+        self.ready = ready
+        self.now_s = 0.0
+        self.goals: list[Callable[[bool], None]] = []
         self.calls: list[tuple[Any, Callable[[Any], None]]] = []
         self.timers: list[tuple[float, Callable[[], None]]] = []
 
     def client(self, _: Any) -> Any:
         return SimpleNamespace(
-            service_is_ready=lambda: True, call=lambda request, answer: self.calls.append((request, answer))
+            service_is_ready=lambda: self.ready, call=lambda request, answer: self.calls.append((request, answer))
         )
+
+    def action_client(self, _: Any) -> Any:
+        def send_goal(_: Any, answered: Callable[[bool], None], __: Any) -> Any:
+            self.goals.append(answered)
+            return SimpleNamespace()
+
+        return SimpleNamespace(server_is_ready=lambda: self.ready, send_goal=send_goal)
+
+    def steady_s(self) -> float:
+        return self.now_s
 
     def create_timer(self, seconds: float, callback: Callable[[], None]) -> Any:
         timer = seconds, callback
@@ -42,6 +57,12 @@ class Node:
     def fire(self, seconds: float) -> None:
         for timer in [item for item in self.timers if item[0] == seconds]:
             timer[1]()
+
+    def pass_time(self, seconds: float) -> None:
+        """Calls the timers that are due, and those that they create, until ``seconds`` are over."""
+        while (first_s := min((timer[0] for timer in self.timers), default=seconds + 1.0)) <= seconds:
+            seconds -= first_s
+            self.fire(first_s)
 
 
 def test_a_late_response_is_not_the_answer_to_the_next_request() -> None:
@@ -66,23 +87,45 @@ def test_a_late_response_is_not_the_answer_to_the_next_request() -> None:
     assert answers[1:] == [(3, True, "", "held")]
 
 
+def test_a_service_in_discovery_is_waited_for_and_a_missing_one_is_answered() -> None:
+    node, answers = Node(ready=False), []
+    request = OperatorRequest(cast(StackNode, node), PARAMS, services.EDIT_MISSION_QUEUE, 1, QUEUE_REFUSALS)
+    request.ask(lambda *answer: answers.append(answer), operation=0)
+    node.pass_time(1.0)
+    assert (answers, node.calls) == ([], [])
+    node.ready = True
+    node.pass_time(0.2)
+    node.calls[0][1](SimpleNamespace(success=True, message="held"))
+    assert answers == [(True, "", "held")]
+    node.ready = False
+    request.ask(lambda *answer: answers.append(answer), operation=0)
+    node.pass_time(DISCOVERY_S + 0.01)
+    assert answers[1:] == [(False, NO_MISSIONS, "")]
+    assert node.timers == []
+
+
 def test_every_undocking_is_answered_also_without_a_server() -> None:
-    ready, now_s, answers = [False], [0.0], []
-    client = SimpleNamespace(server_is_ready=lambda: ready[0], send_goal=lambda *_: SimpleNamespace())
-    request = UndockRequest(cast(StackNode, SimpleNamespace(action_client=lambda _: client, steady_s=lambda: now_s[0])))
+    node, answers = Node(ready=False), []
+    request = UndockRequest(cast(StackNode, node))
 
     def ask(number: int) -> None:
         request.ask(lambda granted, why, _: answers.append((number, granted, why)))
 
     ask(1)
+    assert answers == [], "the server may be in discovery"
+    node.pass_time(DISCOVERY_S + 0.01)
     assert answers == [(1, False, NO_DOCKING)]
-    ready[0] = True
     ask(2)
+    node.ready = True
+    node.pass_time(0.2)
     ask(3)
     assert answers[1:] == [(3, False, UNDOCK_BUSY)]
     request.poll()
-    now_s[0] = 3.0  # the goal was lost
+    node.now_s = 3.0  # the goal was lost
     request.poll()
     assert answers[2:] == [(2, False, NO_DOCKING)]
     ask(4)
-    assert len(answers) == 3
+    node.goals[-1](False)
+    assert answers[3:] == [(4, False, UNDOCK_REFUSED)]
+    ask(5)
+    assert (len(node.goals), len(answers)) == (3, 4)
