@@ -105,23 +105,23 @@ def show(
 ) -> None:
     """Show a map's content, origin, zones and route graph."""
     from robot_stack.cli.map_build import lines_of
-    from robot_stack.core.route_graph import load_graph
+    from robot_stack.core.route_graph import graph_files, load_graph
     from robot_stack.core.site_map import load_map
-    from robot_stack.core.zones import zone_files
+    from robot_stack.core.zones import load_zones, zone_files
 
-    files = zone_files(name)
-    site, zones, graph = load_map(name), files.read(), load_graph(name)
+    site, zones, graph = load_map(name), load_zones(name), load_graph(name)
     for line in lines_of(site):
         typer.echo(line)
     if zones:
-        typer.echo(f"zones: {files.in_force}")
+        typer.echo(f"zones: {zone_files(name).in_force}")
     for zone in zones:
         limit = f", {zone.speed_mps:g} m/s" if math.isfinite(zone.speed_mps) else ""
         limit += "" if math.isnan(zone.heading_rad) else f", {math.degrees(zone.heading_rad):g} deg"
         area_m2 = float(zone.cells(site.grid).sum()) * site.grid.resolution_m**2
         typer.echo(f"zone {zone.name}: {zone.type.value}{limit}, {area_m2:.1f} m2 of the map")
     if graph is not None:
-        typer.echo(f"route graph: {len(graph.points)} nodes, {len(graph.ends)} edges")
+        where = graph_files(name).in_force
+        typer.echo(f"route graph: {len(graph.points)} nodes, {len(graph.ends)} edges, {where}")
     if picture is not None:
         from robot_stack.cli.map_picture import draw_map
 

@@ -17,6 +17,7 @@ from robot_stack.core.config import ConfigError, load
 
 if TYPE_CHECKING:
     from robot_stack.core.robot import Robot
+    from robot_stack.core.site_files import SiteFile
     from robot_stack.supervisor.profile import Plan
     from robot_stack.wmx.axes import StatusSnapshot
     from robot_stack.wmx.config import ClientConfig
@@ -352,19 +353,25 @@ def docks() -> Iterator[Finding]:
 
 
 def zones() -> Iterator[Finding]:
-    """The file of zones, and docks, safe places and missions, compared with the keepout zones of navigation's map."""
+    """The files of zones and lanes, and docks, safe places and missions, compared with the keepout zones of
+    navigation's map.
+    """
     from robot_stack.core.config import chosen_site, config_dir, read_yaml
     from robot_stack.core.docks import DocksFile
     from robot_stack.core.keepout import keepout_problems, load_keepout, site_keepout_problems
     from robot_stack.core.mission import aboard_at_start
     from robot_stack.core.mission_library import MissionError, mission_library
     from robot_stack.core.robot import load_robot
+    from robot_stack.core.route_graph import graph_files, load_graph
     from robot_stack.core.safe_places import SafePlaces
+    from robot_stack.core.zones import zone_files
 
     try:
         map_name = chosen_site() or str(read_yaml(config_dir() / "navigation_controller.yaml").get("map", ""))
         if map_name:
-            yield _zone_file(map_name)
+            yield _edited_file("zone file", zone_files(map_name))
+            yield _edited_file("lane file", graph_files(map_name))
+            load_graph(map_name)
         robot, docks_file = load_robot(), load(DocksFile, "docks")
         keepout = load_keepout(map_name, robot)
         places = load(SafePlaces, "safe_places")
@@ -387,11 +394,8 @@ def zones() -> Iterator[Finding]:
         yield Finding("zones", Level.OK, f"{count} keepout zones, no dock, safe place or mission lies in one")
 
 
-def _zone_file(map_name: str) -> Finding:
-    """The file in force, and whether the touch screen can save zones. Raises ConfigError."""
-    from robot_stack.core.zones import zone_files
-
-    files = zone_files(map_name)
+def _edited_file(check: str, files: SiteFile) -> Finding:
+    """The file in force, and whether the touch screen can save it."""
     path = files.in_force
     if path == files.own:
         text = f"{path}, edited on this robot, instead of {files.site}"
@@ -401,9 +405,9 @@ def _zone_file(map_name: str) -> Finding:
     while not os.path.exists(folder):
         folder = folder.parent
     if not os.access(folder, os.W_OK):
-        advice = "for zones drawn on the touch screen; run as the service's user, with its XDG_DATA_HOME"
-        return Finding("zone file", Level.BAD, f"{text}; {files.own} cannot be written", advice)
-    return Finding("zone file", Level.OK, f"{text}; edits are saved in {files.own}")
+        advice = "for zones and lanes drawn on the touch screen; run as the service's user, with its XDG_DATA_HOME"
+        return Finding(check, Level.BAD, f"{text}; {files.own} cannot be written", advice)
+    return Finding(check, Level.OK, f"{text}; edits are saved in {files.own}")
 
 
 # --- the running stack ------------------------------------------------------------------------------------------------

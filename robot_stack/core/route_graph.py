@@ -1,5 +1,6 @@
 """The route graph of a site beside its map, ``config/maps/<name>/graph.geojson``: lanes that long routes follow.
 
+Lanes edited on the robot are a file of its own data, which is in force instead (``SiteFile``).
 The file format of Nav2's route server: a GeoJSON FeatureCollection in the map frame, coordinates in m.
     node   Point; properties id, optionally frame (map), metadata, operations
     edge   LineString or MultiLineString; properties id, startid, endid, optionally cost, overridable, metadata,
@@ -22,7 +23,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from robot_stack.core.config import ConfigError, read_json
 from robot_stack.core.mission import Coordinate
-from robot_stack.core.site_map import map_folder
+from robot_stack.core.site_files import SiteFile, site_file
 from robot_stack.core.zones import SLOWEST_MPS
 
 GRAPH_FILE = "graph.geojson"
@@ -88,18 +89,27 @@ class RouteGraph:
     speed_share: npt.NDArray[np.float64]
 
 
+def graph_files(map_name: str) -> SiteFile:
+    """Where the graph of a map lies. Raises ConfigError if there is no such map."""
+    return site_file(map_name, GRAPH_FILE)
+
+
 def load_graph(map_name: str) -> RouteGraph | None:
-    """The graph of a map, None without a file. Raises ConfigError naming the feature and the key."""
-    path = map_folder(map_name) / GRAPH_FILE
-    return read_graph(path) if path.exists() else None
+    """The graph of a map that is in force, None without one. Raises ConfigError naming the feature and the key."""
+    path = graph_files(map_name).existing
+    return None if path is None else read_graph(path)
 
 
-def read_graph(path: Path) -> RouteGraph:
+def read_graph(path: Path) -> RouteGraph | None:
     """Raises ConfigError."""
-    content = read_json(path)
+    return graph_of(read_json(path), str(path))
+
+
+def graph_of(content: Any, source: str) -> RouteGraph | None:
+    """The graph of a FeatureCollection, None of an empty one. Raises ConfigError that begins with ``source``."""
     features = content.get("features") if isinstance(content, dict) else None
     if not isinstance(features, list):
-        raise ConfigError(f"{path}: must be a GeoJSON FeatureCollection")
+        raise ConfigError(f"{source}: must be a GeoJSON FeatureCollection")
     nodes: list[_Node] = []
     edges: list[_Edge] = []
     for index, feature in enumerate(features):
@@ -111,8 +121,8 @@ def read_graph(path: Path) -> RouteGraph:
         except ValidationError as error:
             first = error.errors()[0]
             where = ".".join(map(str, ("features", index, *first["loc"])))
-            raise ConfigError(f"{path}: {where}: {first['msg']}") from None
-    return _graph(path, nodes, edges)
+            raise ConfigError(f"{source}: {where}: {first['msg']}") from None
+    return _graph(source, nodes, edges) if features else None
 
 
 def _kind(feature: Any) -> Any:
@@ -120,21 +130,21 @@ def _kind(feature: Any) -> Any:
     return geometry.get("type") if isinstance(geometry, dict) else None
 
 
-def _graph(path: Path, nodes: list[_Node], edges: list[_Edge]) -> RouteGraph:
+def _graph(source: str, nodes: list[_Node], edges: list[_Edge]) -> RouteGraph:
     ids = [node.properties.id for node in nodes] + [edge.properties.id for edge in edges]
     if len(set(ids)) != len(ids):
         twice = sorted({item for item in ids if ids.count(item) > 1})
-        raise ConfigError(f"{path}: id {twice[0]} is used more than once; nodes and edges share their ids")
+        raise ConfigError(f"{source}: id {twice[0]} is used more than once; nodes and edges share their ids")
     if not edges:
-        raise ConfigError(f"{path}: has no edges")
+        raise ConfigError(f"{source}: has no edges")
     index = {node.properties.id: place for place, node in enumerate(nodes)}
     for edge in edges:
         p = edge.properties
         for end in (p.startid, p.endid):
             if end not in index:
-                raise ConfigError(f"{path}: edge {p.id}: there is no node {end}")
+                raise ConfigError(f"{source}: edge {p.id}: there is no node {end}")
         if nodes[index[p.startid]].geometry.coordinates == nodes[index[p.endid]].geometry.coordinates:
-            raise ConfigError(f"{path}: edge {p.id}: start and end are the same place")
+            raise ConfigError(f"{source}: edge {p.id}: start and end are the same place")
     properties = [edge.properties for edge in edges]
     return RouteGraph(
         points=np.array([node.geometry.coordinates for node in nodes], np.float64),

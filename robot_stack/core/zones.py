@@ -1,7 +1,7 @@
 """Zones of a site: where navigation may not drive, only slowly, only one way, or only through an open door.
 
 They lie beside the site's map, ``config/maps/<name>/zones.geojson``. Zones edited on the robot are a file of its own
-data, which is in force instead of the site's as long as it exists (``ZoneFiles``).
+data, which is in force instead of the site's as long as it exists (``SiteFile``).
 
 A GeoJSON FeatureCollection of Polygons, also with holes, in the map frame; coordinates x, y in m. Properties:
     name     for people, unique
@@ -13,7 +13,6 @@ Zones are rules of the site, not obstacles: localization, the costmap and the sa
 
 from __future__ import annotations
 
-import hashlib
 import math
 from dataclasses import dataclass
 from enum import StrEnum
@@ -28,8 +27,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from robot_stack.core.compiled import compiled
 from robot_stack.core.config import Config, ConfigError, read_json
 from robot_stack.core.mission import Coordinate, Name
-from robot_stack.core.runtime import data_home
-from robot_stack.core.site_map import Grid, map_folder
+from robot_stack.core.site_files import SiteFile, site_file
+from robot_stack.core.site_map import Grid
 
 ZONES_FILE = "zones.geojson"
 # Slower than this is no useful limit: such a zone is one to keep out of, such a lane is none.
@@ -178,45 +177,15 @@ def _cross(ring: Any, x: Any, y: Any, inside: Any) -> None:
                 inside[i] = not inside[i]
 
 
-@dataclass(frozen=True, slots=True)
-class ZoneFiles:
-    """Where zones of a map may lie. site: beside the map. own: edited on this robot, in the user's data."""
-
-    site: Path
-    own: Path
-
-    @property
-    def in_force(self) -> Path:
-        """The own file, else the site's, which need not exist. An own file that cannot be read stays in force."""
-        try:
-            self.own.stat()
-        except (FileNotFoundError, NotADirectoryError):
-            return self.site
-        except OSError:
-            pass
-        return self.own
-
-    def read(self) -> tuple[Zone, ...]:
-        """The zones in force, none without a file. Raises ConfigError naming the zone and the key."""
-        path = self.in_force
-        return () if path == self.site and not path.exists() else read_zones(path)
-
-
-def zone_files(map_name: str) -> ZoneFiles:
-    """map_name: of ``config/maps``, or a path, whose own zones are those of this path alone.
-
-    Raises ConfigError if there is no such map.
-    """
-    folder = map_folder(map_name)
-    name = folder.name
-    if "/" in map_name:
-        name += f"-{hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]}"
-    return ZoneFiles(folder / ZONES_FILE, data_home() / "zones" / f"{name}.geojson")
+def zone_files(map_name: str) -> SiteFile:
+    """Where the zones of a map lie. Raises ConfigError if there is no such map."""
+    return site_file(map_name, ZONES_FILE)
 
 
 def load_zones(map_name: str) -> tuple[Zone, ...]:
     """The zones of a map that are in force, none without a file. Raises ConfigError naming the zone and the key."""
-    return zone_files(map_name).read()
+    path = zone_files(map_name).existing
+    return () if path is None else read_zones(path)
 
 
 def read_zones(path: Path) -> tuple[Zone, ...]:

@@ -17,7 +17,7 @@ NEEDS_STAFF, PAD_BUSY, NO_PIN_SET, WAIT, SLOW_DOWN = (
     "answer.wait",
     "answer.too_fast",
 )
-_EDITS = (p.CheckMission, p.SaveMission, p.DeleteMission, p.SaveZone, p.DeleteZone)
+_EDITS = (p.CheckMission, p.SaveMission, p.DeleteMission, p.SaveZone, p.DeleteZone, p.DrawLane, p.DeleteLane)
 _ORDERS = (p.AddOrder, p.ChangeOrder)
 _STAFF_ONLY = (
     *(p.Reset, p.ClearStop, p.Pad, p.Pose, p.Goal, p.CancelGoal, p.Undock, p.ConfirmDoor, p.SelfTest),
@@ -141,6 +141,11 @@ def named(message: p.ClientMessage) -> str:
             return f"save zone {message.name}"
         case p.DeleteZone():
             return f"delete zone {message.name}"
+        case p.DrawLane():
+            (ax, ay), (bx, by) = message.points[0], message.points[-1]
+            return f"{message.t.replace('_', ' ')} {ax:.2f} {ay:.2f} to {bx:.2f} {by:.2f}"
+        case p.DeleteLane():
+            return f"delete lane {message.lane}"
         case p.ConfirmDoor():
             return f"confirm door {message.name}"
         case p.ClearStop():

@@ -244,6 +244,27 @@ class DeleteZone(Message):
     revision: Revision
 
 
+class DrawLane(Message):
+    """Requests the errors of a new lane, or adds it to the site's graph, which the page read at ``revision``.
+
+    points: of the lane in order, m, map; one at a node's own coordinates is the node.
+    """
+
+    t: Literal["lane_check", "lane_save"]
+    points: Annotated[list[tuple[Coordinate, Coordinate]], Field(min_length=2, max_length=64)]
+    both: bool
+    speed_limit_mps: Annotated[float, Field(ge=0.1, le=10.0)] | None = None
+    revision: Revision
+
+
+class DeleteLane(Message):
+    """lane: id of one of its edges."""
+
+    t: Literal["lane_delete"]
+    lane: Annotated[str, StringConstraints(pattern=r"^[0-9]{1,19}$")]
+    revision: Revision
+
+
 class SelfTest(Message):
     """The guided self test: begins it, or acts on its step number ``step``. A page that stops showing it ends it."""
 
@@ -280,6 +301,8 @@ ClientMessage = Annotated[
     | DeleteMission
     | SaveZone
     | DeleteZone
+    | DrawLane
+    | DeleteLane
     | SelfTest,
     Field(discriminator="t"),
 ]

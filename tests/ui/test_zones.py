@@ -1,4 +1,4 @@
-"""Staff see, draw and delete zones of the site on the map page."""
+"""Staff see, draw and delete zones and lanes of the site on the map page."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from robot_stack.core.route_graph import load_graph
 from robot_stack.core.site_map import map_folder
 from robot_stack.core.zones import ZONES_FILE, ZoneType, load_zones
 from robot_stack.ui.pin import hash_pin
@@ -17,7 +18,7 @@ from tests.support.ui_page import PIN
 from tests.support.ui_robot import StandInRobot
 from tests.support.waiting import wait_for
 from tests.ui.conftest import unlock, until
-from tests.ui.test_access_for_all import AXE, check
+from tests.ui.test_access_for_all import AXE, SIZES, check
 
 
 @pytest.fixture(scope="module")
@@ -90,3 +91,52 @@ def test_zones_are_drawn_saved_and_deleted(page: Any, robot: StandInRobot, folde
     assert [zone.name for zone in load_zones(str(folder))] == ["one_way 1", "speed 1"]
     page.click('[data-nav="history"]')
     until(page, "document.body.textContent.includes('delete zone lawn')")
+
+
+def problems(page: Any) -> list[str]:
+    return list(page.evaluate("[...document.querySelectorAll('[data-problem]')].map((item) => item.dataset.problem)"))
+
+
+def lanes(page: Any) -> list[Any]:
+    return list(page.evaluate("window.touchUi.link.state.zones.lanes.list"))
+
+
+def test_lanes_are_drawn_checked_saved_and_deleted(page: Any, robot: StandInRobot, folder: Path) -> None:
+    unlock(page)
+    page.click("#tool-lane")
+    assert page.is_disabled("#lane-save")
+    touch(page, (-40, 60), (-40, 60), (-40, 120))  # a double touch is one point
+    wait_for(lambda: page.is_enabled("#lane-save"), "the check of the lane")
+    page.click('[data-both="no"]')
+    page.click('[data-speed="0.4"]')
+    page.evaluate(AXE)
+    check(page, "the form of a lane", SIZES)
+    page.click("#lane-save")
+    wait_for(lambda: len(lanes(page)) == 1, "the lane")
+    assert [(lane["both"], lane["speed"]) for lane in lanes(page)] == [(False, 0.4)]
+    page.click('[data-both="yes"]')
+    touch(page, (-38, 118), (80, 20))  # from the node to the other side of a wall
+    wait_for(lambda: problems(page) == ["obstacle"], "the place that is wrong")
+    assert page.is_disabled("#lane-save")
+    page.click("#lane-undo")
+    wait_for(lambda: not problems(page), "the wrong point to be gone")
+    page.focus("#map")
+    page.keyboard.press("ArrowLeft")
+    page.keyboard.press("Enter")  # a point at the middle, 1 m beside the robot
+    page.focus("#lane-save")
+    wait_for(lambda: page.is_enabled("#lane-save"), "the check of the second lane")
+    page.keyboard.press("Enter")
+    wait_for(lambda: len(lanes(page)) == 2, "the second lane")
+    graph = load_graph(str(folder))
+    assert graph is not None
+    assert (len(graph.points), graph.ends.tolist()) == (3, [[0, 1], [1, 2], [2, 1]]), "joined at the node"
+    assert abs(graph.points[2] - (1.0, 1.0)).max() < 0.1
+    until(page, "document.querySelector('#zones-changed') !== null")
+    touch(page, (-150, -60), (-150, -120))
+    wait_for(lambda: "unconnected" in problems(page), "the lane to be found unconnected")
+    first = lanes(page)[0]["id"]
+    page.click(f'[data-delete="{first}"]')
+    page.click(f'[data-delete-yes="{first}"]')
+    wait_for(lambda: len(lanes(page)) == 1, "the lane to be gone")
+    page.click('[data-nav="history"]')
+    until(page, f"document.body.textContent.includes('delete lane {first}')")

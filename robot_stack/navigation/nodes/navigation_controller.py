@@ -21,9 +21,9 @@ from robot_stack.core.departure import Departure, DepartureParams
 from robot_stack.core.geometry import ZERO_TWIST
 from robot_stack.core.levels import load_levels
 from robot_stack.core.limits import SpeedLimit
-from robot_stack.core.route_graph import load_graph
+from robot_stack.core.route_graph import graph_files, load_graph
 from robot_stack.core.site_map import load_map
-from robot_stack.core.zones import zone_files
+from robot_stack.core.zones import load_zones, zone_files
 from robot_stack.middleware.conversions import pose_from_msg, pose_stamped, time_to_s, twist_from_msg
 from robot_stack.middleware.motion_warning import MotionWarnings
 from robot_stack.middleware.node import StackNode
@@ -55,11 +55,12 @@ class NavigationControllerNode(StackNode):
         self._departure = Departure(load(DepartureParams, "departure"))
         self._motion_warnings = MotionWarnings(self, given=self._departure.announced)
         grid = load_map(self.params.map).grid if self.params.map else None
-        files = zone_files(self.params.map) if self.params.map else None
-        zones = () if files is None else files.read()
-        if files is not None and zones:
-            self.get_logger().info(f"{len(zones)} zones of {files.in_force}")
+        zones = load_zones(self.params.map) if self.params.map else ()
         graph = load_graph(self.params.map) if self.params.map else None
+        if zones:
+            self.get_logger().info(f"{len(zones)} zones of {zone_files(self.params.map).in_force}")
+        if graph is not None:
+            self.get_logger().info(f"{len(graph.ends)} lanes of {graph_files(self.params.map).in_force}")
         levels = load_levels(self.params.map) if self.params.map else None
         site = (grid, self._background_planner, zones, graph, levels)
         self.controller = NavigationController(self.params, self.robot, frames.MAP, self._departure, *site)

@@ -1,4 +1,4 @@
-"""Executes page requests: rides, orders, poses and goals, edited missions and zones, requests to the safety monitor."""
+"""Executes page requests: rides, orders, poses and goals, edits of missions, zones and lanes, requests to services."""
 
 from __future__ import annotations
 
@@ -14,7 +14,8 @@ from robot_stack.middleware.node import StackNode
 from robot_stack.ui import protocol as p
 from robot_stack.ui.desk import named
 from robot_stack.ui.nodes.audit_file import AuditFile
-from robot_stack.ui.nodes.mission_files import MissionFiles
+from robot_stack.ui.nodes.lane_file import LaneFile
+from robot_stack.ui.nodes.mission_files import EditAnswer, MissionFiles
 from robot_stack.ui.nodes.operator_requests import (
     DOOR_REFUSALS,
     QUEUE_REFUSALS,
@@ -44,10 +45,11 @@ class PageCommands:
         history: AuditFile,
         missions: MissionFiles,
         zones: ZoneFile,
+        lanes: LaneFile,
         self_test: GuidedSelfTest,
     ) -> None:
         self._outputs, self._pages, self._history, self._missions = outputs, pages, history, missions
-        self._zones, self._self_test = zones, self_test
+        self._zones, self._lanes, self._self_test = zones, lanes, self_test
         self._reset = OperatorRequest(node, reset, services.SAFETY_RESET, reset.tries)
         self._clear = OperatorRequest(node, reset, services.CLEAR_EMERGENCY_STOP, 1)
         self._queue = OperatorRequest(node, reset, services.EDIT_MISSION_QUEUE, 1, QUEUE_REFUSALS)
@@ -79,10 +81,13 @@ class PageCommands:
                 self._undock.ask(self._answer_of_server(client, message))
                 return
             case p.CheckMission() | p.SaveMission() | p.DeleteMission():
-                self._edit(client, message)
+                self._finish_edit(client, message, self._missions.edit(message))
                 return
             case p.SaveZone() | p.DeleteZone():
-                self._edit_zone(client, message)
+                self._finish_edit(client, message, self._zones.edit(message))
+                return
+            case p.DrawLane() | p.DeleteLane():
+                self._finish_edit(client, message, self._lanes.edit(message))
                 return
             case p.SelfTest():
                 why = self._self_test.handle(client, message, self._pages.who(client))
@@ -115,18 +120,12 @@ class PageCommands:
 
         return answer
 
-    def _edit(self, client: int, message: p.CheckMission | p.SaveMission | p.DeleteMission) -> None:
-        done = self._missions.edit(message)
-        if not isinstance(message, p.CheckMission):
+    def _finish_edit(self, client: int, message: p.ClientMessage, done: EditAnswer) -> None:
+        """A check changes nothing and is not recorded."""
+        if not message.t.endswith("_check"):
             self._history.add(self._pages.who(client), named(message), done.why or "ok")
             self._pages.show_files()
         self._pages.answer(client, message.id, not done.why, done.why, done.detail, **done.fields())
-
-    def _edit_zone(self, client: int, message: p.SaveZone | p.DeleteZone) -> None:
-        done = self._zones.edit(message)
-        self._history.add(self._pages.who(client), named(message), done.why or "ok")
-        self._pages.show_files()
-        self._pages.answer(client, message.id, not done.why, done.why, done.detail)
 
 
 def _queue_fields(wanted: QueueRequest) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from robot_stack.ui.audit import ends_ride
 from robot_stack.ui.nodes.audit_file import AuditFile
 from robot_stack.ui.nodes.hub import Hub
 from robot_stack.ui.nodes.inputs import RobotInputs
+from robot_stack.ui.nodes.lane_file import LaneFile
 from robot_stack.ui.nodes.mission_files import MissionFiles
 from robot_stack.ui.nodes.self_test import GuidedSelfTest
 from robot_stack.ui.nodes.server import WebServer
@@ -40,11 +41,12 @@ class Pages:
         missions: MissionFiles,
         site: Site,
         zones: ZoneFile,
+        lanes: LaneFile,
         self_test: GuidedSelfTest,
     ) -> None:
         self._hub, self._server = hub, server
         self._inputs, self._history, self._missions, self._site = inputs, history, missions, site
-        self._zones, self._self_test = zones, self_test
+        self._zones, self._lanes, self._self_test = zones, lanes, self_test
         self._wanted: frozenset[p.Layer] = frozenset()
         self._ride_state = ""
         self.staff_called = False
@@ -103,7 +105,7 @@ class Pages:
         if p.Layer.MISSION_FILES in self._wanted:
             layers[p.Layer.MISSION_FILES] = self._missions.files_section()
         if p.Layer.ZONES in self._wanted:
-            layers[p.Layer.ZONES] = self._zones.section()
+            layers[p.Layer.ZONES] = self._zones.section() | {"lanes": self._lanes.section()}
         sections = {
             "missions": self._missions.section(),
             "site": self._site.section(),

@@ -13,6 +13,7 @@ from robot_stack.ui import protocol as p
 from robot_stack.ui.nodes.audit_file import AuditFile
 from robot_stack.ui.nodes.hub import Hub
 from robot_stack.ui.nodes.inputs import RobotInputs
+from robot_stack.ui.nodes.lane_file import LaneFile
 from robot_stack.ui.nodes.layers import Layers
 from robot_stack.ui.nodes.mission_files import MissionFiles
 from robot_stack.ui.nodes.outputs import Outputs
@@ -41,15 +42,16 @@ class TouchUiNode(StackNode):
         library = mission_library(pages.missions_folder, pages.own_missions_folder)
         missions = MissionFiles(library, load_docks().docks, load_keepout(pages.map, self.robot))
         zones = ZoneFile(pages.map)
+        lanes = LaneFile(pages.map, self.robot, zones.zones)
         self._outputs = Outputs(self)
         self._hub = self.device(Hub, self.params, self, self.monotonic_s)
         layers = Layers(self, pages, lambda: self._hub.awaited, self._send_frame)
         inputs = layers.inputs = RobotInputs(self, layers.callbacks)
         self._server = self.device(WebServer, self.params.server, self._hub, site.pictures)
         self_test = GuidedSelfTest(self, self.params, inputs, self._outputs, self._audit, lambda: self._hub.testers)
-        self._pages = Pages(self._hub, self._server, inputs, self._audit, missions, site, zones, self_test)
+        self._pages = Pages(self._hub, self._server, inputs, self._audit, missions, site, zones, lanes, self_test)
         self._commands = PageCommands(
-            self, self.params.reset, self._outputs, self._pages, self._audit, missions, zones, self_test
+            self, self.params.reset, self._outputs, self._pages, self._audit, missions, zones, lanes, self_test
         )
         tell_touch_screen(self._server.url)
         self.every_real(pages.state_hz, self_test.tick)

@@ -71,14 +71,80 @@ export function drawBackground(context, canvas, view, site, picture) {
 
 const ZONES = { keepout: "#9b1116", speed: "#0b4a63", one_way: "#1f5f2c", door: "#5b2a86" };
 
-// Zones with their name and limit, one-way zones with an arrow, and the lanes of the route graph.
-export function drawZones(context, canvas, view, site) {
-  for (const [ax, ay, bx, by] of site?.lanes ?? []) {
-    const [px, py] = view.toScreen(canvas, ax, ay);
-    const [dx, dy] = [(bx - ax) * view.scale, -(by - ay) * view.scale];
-    const share = Math.max(0, 1 - 9 / Math.hypot(dx, dy)); // the head ends at the node
-    drawArrow(context, px, py, share * dx, share * dy, "#5b1a8a", 2);
+const LANE = "#5b1a8a";
+const DRAWN = "#8a3b00";
+const WRONG = "#9b1116";
+
+// The lanes of the route graph, with an arrow in each direction in which they are driven. names: also ids, limits, nodes.
+export function drawLanes(context, canvas, view, lanes, names) {
+  for (const { id, ends: [ax, ay, bx, by], both, speed } of lanes?.list ?? []) {
+    const [[px, py], [qx, qy]] = [view.toScreen(canvas, ax, ay), view.toScreen(canvas, bx, by)];
+    drawLane(context, px, py, qx, qy, both, LANE, 2);
+    if (names) drawLabel(context, (px + qx) / 2, (py + qy) / 2, speed === null ? id : `${id}: ${speed} m/s`, LANE);
   }
+  for (const [x, y] of names ? lanes?.nodes ?? [] : []) drawDot(context, view.toScreen(canvas, x, y), 6, LANE);
+  for (const { at: [x, y] } of lanes?.wrong ?? []) drawCross(context, view.toScreen(canvas, x, y));
+}
+
+function drawLane(context, px, py, qx, qy, both, colour, width) {
+  const [dx, dy] = [qx - px, qy - py];
+  const share = Math.max(0, 1 - 9 / Math.hypot(dx, dy)); // the head ends at the node
+  drawArrow(context, px, py, share * dx, share * dy, colour, width);
+  if (both) drawArrow(context, qx, qy, -share * dx, -share * dy, colour, width);
+}
+
+function drawDot(context, [px, py], radius, colour) {
+  context.beginPath();
+  context.arc(px, py, radius, 0, 2 * Math.PI);
+  context.fillStyle = colour;
+  context.fill();
+}
+
+// What is wrong at a place.
+function drawCross(context, [px, py]) {
+  context.beginPath();
+  for (const side of [-9, 9]) {
+    context.moveTo(px - 9, py - side);
+    context.lineTo(px + 9, py + side);
+  }
+  context.strokeStyle = WRONG;
+  context.lineWidth = 5;
+  context.stroke();
+}
+
+function drawLabel(context, px, py, text, colour) {
+  context.font = "600 16px sans-serif";
+  context.textAlign = "center";
+  context.strokeStyle = "#ffffff";
+  context.lineWidth = 4;
+  context.strokeText(text, px, py - 6);
+  context.fillStyle = colour;
+  context.fillText(text, px, py - 6);
+}
+
+// The points of a lane that is being drawn, and where it is wrong.
+export function drawNewLane(context, canvas, view, points, both, wrong) {
+  const places = points.map(([x, y]) => view.toScreen(canvas, x, y));
+  places.slice(1).forEach(([qx, qy], index) => drawLane(context, ...places[index], qx, qy, both, DRAWN, 4));
+  for (const place of places) drawDot(context, place, 7, DRAWN);
+  for (const { at: [x, y] } of wrong) drawCross(context, view.toScreen(canvas, x, y));
+}
+
+// Where the keyboard sets a point: the map's middle.
+export function drawAim(context, canvas) {
+  const [px, py] = [canvas.width / 2, canvas.height / 2];
+  context.beginPath();
+  for (const [dx, dy] of [[14, 0], [0, 14]]) {
+    context.moveTo(px - dx, py - dy);
+    context.lineTo(px + dx, py + dy);
+  }
+  context.strokeStyle = DRAWN;
+  context.lineWidth = 3;
+  context.stroke();
+}
+
+// Zones with their name and limit, one-way zones with an arrow.
+export function drawZones(context, canvas, view, site) {
   for (const zone of site?.zones ?? []) {
     context.beginPath();
     for (const ring of zone.rings) {
@@ -96,9 +162,7 @@ export function drawZones(context, canvas, view, site) {
     const [x, y] = [0, 1].map((axis) => corners.reduce((sum, corner) => sum + corner[axis], 0) / corners.length);
     const [px, py] = view.toScreen(canvas, x, y);
     if (zone.yaw !== null) drawArrow(context, px, py, Math.cos(zone.yaw) * view.scale, -Math.sin(zone.yaw) * view.scale, ZONES.one_way);
-    context.font = "600 16px sans-serif";
-    context.textAlign = "center";
-    context.fillText(zone.speed === null ? zone.name : `${zone.name} ${zone.speed} m/s`, px, py - 12);
+    drawLabel(context, px, py - 6, zone.speed === null ? zone.name : `${zone.name} ${zone.speed} m/s`, ZONES[zone.type]);
   }
 }
 
@@ -109,7 +173,7 @@ export function drawCorners(context, canvas, view, corners, kind) {
   context.beginPath();
   for (const point of points) context.lineTo(...point);
   context.closePath();
-  context.strokeStyle = context.fillStyle = "#8a3b00";
+  context.strokeStyle = context.fillStyle = DRAWN;
   context.lineWidth = 4;
   context.stroke();
   for (const [px, py] of points) context.fillRect(px - 6, py - 6, 12, 12);

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from robot_stack.core.config import ConfigError
-from robot_stack.core.route_graph import GRAPH_FILE, load_graph, read_graph
+from robot_stack.core.route_graph import GRAPH_FILE, graph_files, load_graph, read_graph
 from robot_stack.core.site_map import map_folder
 
 
@@ -39,6 +39,7 @@ def test_a_graph_is_read(tmp_path: Path) -> None:
     back = edge(11, 1, 0, cost=7.0, overridable=False, metadata={"speed_limit": 80.0}, operations={"open_door": {}})
     plain = {**edge(12, 0, 1), "geometry": {"type": "LineString", "coordinates": [[0, 0], [4, 3]]}}
     graph = read_graph(written(tmp_path, *NODES, there, back, plain))
+    assert graph is not None
     assert graph.points.tolist() == [[0.0, 0.0], [4.0, 3.0]]
     assert graph.ends.tolist() == [[0, 1], [1, 0], [0, 1]]
     assert graph.edge_ids.tolist() == [10, 11, 12]
@@ -75,10 +76,15 @@ def test_a_file_that_is_no_collection_is_an_error(tmp_path: Path, content: str) 
         read_graph(path)
 
 
-def test_a_graph_lies_beside_the_map(tmp_path: Path) -> None:
+def test_a_graph_lies_beside_the_map(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
     assert load_graph("yard") is None
     folder = shutil.copytree(map_folder("yard"), tmp_path / "yard")
     written(folder, *NODES, edge(10, 0, 1))
     graph = load_graph(str(folder))
     assert graph is not None
     assert len(graph.ends) == 1
+    own = graph_files(str(folder)).own
+    own.parent.mkdir(parents=True)
+    own.write_text(json.dumps({"type": "FeatureCollection", "features": []}))
+    assert load_graph(str(folder)) is None, "lanes edited on the robot, down to none, are in force"

@@ -16,7 +16,8 @@ from robot_stack.core.stop_presence import Presence
 from robot_stack.mission.orders import Origin
 from robot_stack.recording import black_box
 from robot_stack.ui import desk, self_test, view
-from robot_stack.ui.nodes import hub, mission_files, operator_requests, zone_file
+from robot_stack.ui.lanes import LaneFault
+from robot_stack.ui.nodes import hub, lane_file, mission_files, operator_requests, zone_file
 from robot_stack.ui.nodes import self_test as self_test_node
 from robot_stack.ui.nodes.server import WEB
 from robot_stack.ui.params import PersonCheck, StopButton
@@ -57,6 +58,7 @@ FAMILIES = {
     "held.": {held.name for held in HeldBy} - {"NOTHING"},
     "origin.": {origin.value for origin in Origin},
     "zone_kind.": {"keepout", "speed", "one_way"},
+    "lane_fault.": {fault.value for fault in LaneFault},
     "settings.": {"normal", "large", "light", "sun", "right", "left"},
 }  # fmt: skip
 
@@ -69,7 +71,7 @@ def used() -> set[str]:
         named |= {beginning + end for end in ends}
     answers = {
         value
-        for module in (desk, hub, mission_files, operator_requests, self_test, self_test_node, zone_file)
+        for module in (desk, hub, mission_files, operator_requests, self_test, self_test_node, zone_file, lane_file)
         for value in vars(module).values()
         if isinstance(value, str) and value.startswith("answer.")
     }

@@ -1,4 +1,4 @@
-"""Zones and lanes of the site on the map page."""
+"""Zones of the site on the map page."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from typing import Any
 
 import pytest
 
-from robot_stack.core.route_graph import GRAPH_FILE
 from robot_stack.core.site_map import map_folder
 from robot_stack.core.zones import ZONES_FILE, load_zones, zone_files
 from robot_stack.ui import protocol as p
+from robot_stack.ui.nodes.geojson_file import before_path
 from robot_stack.ui.nodes.mission_files import NOT_SAVED
-from robot_stack.ui.nodes.zone_file import ZONE_CHANGED, ZONE_INVALID, ZoneFile, before_path
+from robot_stack.ui.nodes.zone_file import ZONE_CHANGED, ZONE_INVALID, ZoneFile
 
 SQUARE = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0], [0.0, 0.0]]
 LAWN = {
@@ -35,15 +35,10 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return Path(shutil.copytree(map_folder("yard"), tmp_path / "yard"))
 
 
-def test_zones_and_lanes_are_shown(folder: Path) -> None:
-    points = [{"type": "Point", "coordinates": [0.0, 0.0]}, {"type": "Point", "coordinates": [2.0, 1.0]}]
-    nodes = [{"type": "Feature", "properties": {"id": i}, "geometry": point} for i, point in enumerate(points)]
-    edge = {"type": "Feature", "properties": {"id": 2, "startid": 1, "endid": 0}, "geometry": {"type": "LineString"}}
-    (folder / GRAPH_FILE).write_text(json.dumps({"type": "FeatureCollection", "features": [*nodes, edge]}))
+def test_zones_are_shown(folder: Path) -> None:
     write(folder, LAWN)
     section = ZoneFile(str(folder)).section()
     assert section["zones"] == [{"name": "lawn", "type": "keepout", "rings": [SQUARE], "speed": None, "yaw": None}]
-    assert section["lanes"] == [[2.0, 1.0, 0.0, 0.0]]
     assert (section["problem"], section["changed"]) == ("", False)
     json.dumps(section, allow_nan=False)
 
@@ -64,7 +59,7 @@ def test_a_file_that_changes_is_read_again(folder: Path) -> None:
 
 
 def test_a_site_without_a_map() -> None:
-    nothing = {"zones": [], "lanes": [], "problem": "", "revision": "", "changed": False, "file": ""}
+    nothing = {"zones": [], "problem": "", "revision": "", "changed": False, "file": ""}
     assert ZoneFile("").section() == nothing
 
 
@@ -138,7 +133,7 @@ def test_a_change_that_cannot_be_saved_leaves_the_file(folder: Path, monkeypatch
     def full(*_: Any, **__: Any) -> None:
         raise OSError(28, "No space left on device", "zones.geojson")
 
-    monkeypatch.setattr("robot_stack.ui.nodes.zone_file.replace_file", full)
+    monkeypatch.setattr("robot_stack.ui.nodes.geojson_file.replace_file", full)
     assert zones.edit(adding(zones)).why == NOT_SAVED
     assert (folder / ZONES_FILE).read_bytes() == content
     (folder / ZONES_FILE).write_text("{")

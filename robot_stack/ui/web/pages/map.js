@@ -2,20 +2,30 @@
 
 import { html, useEffect, useRef, useState } from "/vendor/preact-htm.js";
 import { t } from "/i18n.js";
+import { LaneForm } from "/pages/lane_form.js";
 import { ZoneForm } from "/pages/zone_form.js";
-import { View, at, drawBackground, drawObstacles, drawPeople, drawPlan, drawCorners, drawRobot, drawZones, poseOf, readCostmap, readObstacles } from "/map_draw.js";
+import {
+  View, at, drawAim, drawBackground, drawCorners, drawLanes, drawNewLane, drawObstacles, drawPeople, drawPlan, drawRobot, drawZones,
+  poseOf, readCostmap, readObstacles,
+} from "/map_draw.js";
 
 const LAYERS = ["plan", "costmap", "obstacles", "people", "zones"];
 const LEAST_DRAG_M = 0.3;
+const MOST_POINTS = 64;
 const LEAST_SIDE_M = 0.3; // a corner nearer to the one before is a double touch
 const STILL_PX = 8; // a finger that moves less has not dragged
+const SNAP_PX = 24; // a point nearer to a node is the node
+const KEY_PX = 24; // an arrow key moves the map
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+const NO_LANE = { points: [], both: true, speed: null, wrong: [] };
 
-function draw(canvas, view, layers, state, picture, wish, corners, kind) {
+function draw(canvas, view, layers, state, picture, wish, { tool, corners, kind, lane }) {
   const context = canvas.getContext("2d");
   const pose = poseOf(state);
   if (view.follows && pose) [view.x, view.y] = [pose.x, pose.y];
   drawBackground(context, canvas, view, state.site, picture);
   drawZones(context, canvas, view, state.zones);
+  drawLanes(context, canvas, view, state.zones?.lanes, tool === "lane");
   if (layers.costmap) {
     at(context, canvas, view, layers.costmap, () => {
       context.imageSmoothingEnabled = false;
@@ -27,10 +37,14 @@ function draw(canvas, view, layers, state, picture, wish, corners, kind) {
   drawPlan(context, canvas, view, state.plan?.points);
   drawPeople(context, canvas, view, state.people?.near ?? []);
   drawCorners(context, canvas, view, corners, kind);
+  drawNewLane(context, canvas, view, lane.points, lane.both, lane.wrong);
   const footprint = state.site?.footprint; // nothing is drawn of a robot of unknown size
   if (pose && footprint) drawRobot(context, canvas, view, pose, footprint, "#0b4a63");
   if (wish && footprint) drawRobot(context, canvas, view, wish, footprint, "#8a3b00");
+  if (drawsPoints(tool) && canvas.matches(":focus-visible")) drawAim(context, canvas);
 }
+
+const drawsPoints = (tool) => tool === "zone" || tool === "lane";
 
 export function MapPage({ link, state, say }) {
   const canvas = useRef(null);
@@ -41,11 +55,12 @@ export function MapPage({ link, state, say }) {
   const [wish, setWish] = useState(null);
   const [corners, setCorners] = useState([]);
   const [kind, setKind] = useState("keepout"); // of a new zone
+  const [lane, setLane] = useState(NO_LANE);
   const drag = useRef(null);
   const chosen = useRef({}); // frames are painted by the first render's function
-  chosen.current = { wish, corners, kind };
+  chosen.current = { wish, tool, corners, kind, lane };
   const paint = () => canvas.current && draw(canvas.current, view.current, layers.current, link.state, picture.current,
-    drag.current?.wish ?? chosen.current.wish, chosen.current.corners, chosen.current.kind);
+    drag.current?.wish ?? chosen.current.wish, chosen.current);
 
   useEffect(() => {
     picture.current.onload = paint;
@@ -63,17 +78,23 @@ export function MapPage({ link, state, say }) {
   }, []);
   useEffect(paint);
 
-  const choose = (name) => { setTool(name); setWish(null); setCorners([]); setKind("keepout"); };
+  const choose = (name) => { setTool(name); setWish(null); setCorners([]); setKind("keepout"); setLane(NO_LANE); };
   const send = async () => {
     say(await link.ask({ t: tool, x: wish.x, y: wish.y, yaw: wish.yaw }));
     choose("look");
   };
   const zoom = (factor) => { view.current.scale = Math.min(120, Math.max(4, view.current.scale * factor)); paint(); };
-  const addCorner = ([x, y]) => setCorners((before) => {
+  const changeLane = (values) => setLane((before) => ({ ...before, ...values }));
+  const added = (before, [x, y]) => {
     const last = before[before.length - 1];
-    return last && Math.hypot(x - last[0], y - last[1]) < LEAST_SIDE_M ? before : [...before, [x, y]];
-  });
-  const touch = touches(canvas, view, drag, tool, setWish, paint, link, addCorner);
+    const twice = last && Math.hypot(x - last[0], y - last[1]) < LEAST_SIDE_M;
+    return twice || before.length >= MOST_POINTS ? before : [...before, [x, y]];
+  };
+  const addPoint = (point) => {
+    if (tool === "zone") setCorners((before) => added(before, point));
+    else setLane((before) => ({ ...before, points: added(before.points, nodeNear(view.current, [...(link.state.zones?.lanes?.nodes ?? []), ...before.points], point)) }));
+  };
+  const touch = touches(canvas, view, drag, tool, setWish, paint, link, addPoint);
   return html`<section class="page map" data-page="map">
     <div class="toolbar">
       <h2>${t("map.title")}</h2>
@@ -82,12 +103,13 @@ export function MapPage({ link, state, say }) {
         <button id="tool-pose" aria-pressed=${tool === "pose"} onClick=${() => choose("pose")}>${t("map.set_pose")}</button>
         <button id="tool-goal" aria-pressed=${tool === "goal"} onClick=${() => choose("goal")}>${t("map.goal")}</button>
         <button id="tool-zone" aria-pressed=${tool === "zone"} onClick=${() => choose("zone")}>${t("map.zone")}</button>
+        <button id="tool-lane" aria-pressed=${tool === "lane"} onClick=${() => choose("lane")}>${t("map.lane")}</button>
         <button id="cancel-goal" onClick=${async () => say(await link.ask({ t: "cancel_goal" }))}>${t("map.cancel_goal")}</button>
       </div>
     </div>
     <div class="map-row">
     <div class="map-area">
-      <canvas ref=${canvas} id="map" role="img" aria-label=${t("map.canvas")} ...${touch}></canvas>
+      <canvas ref=${canvas} id="map" role="application" tabindex="0" aria-label=${t("map.canvas")} onFocus=${paint} onBlur=${paint} ...${touch}></canvas>
       <div class="zoom">
         <button aria-label=${t("map.closer")} onClick=${() => zoom(1.4)}>+</button>
         <button aria-label=${t("map.farther")} onClick=${() => zoom(1 / 1.4)}>−</button>
@@ -96,13 +118,14 @@ export function MapPage({ link, state, say }) {
       <${Hint} tool=${tool} wish=${wish} send=${send} cancel=${() => choose("look")} />
     </div>
     ${tool === "zone" && html`<${ZoneForm} link=${link} site=${state.zones} say=${say} corners=${corners} setCorners=${setCorners} kind=${kind} setKind=${setKind} close=${() => choose("look")} />`}
+    ${tool === "lane" && html`<${LaneForm} link=${link} state=${state} say=${say} draft=${lane} change=${changeLane} addPoint=${addPoint} close=${() => choose("look")} />`}
     </div>
     <p class="figures"><${Place} state=${state} /><${People} state=${state} /><${Zones} site=${state.zones} /></p>
   </section>`;
 }
 
 function Hint({ tool, wish, send, cancel }) {
-  if (tool === "look" || tool === "zone") return null;
+  if (tool === "look" || drawsPoints(tool)) return null;
   if (!wish) return html`<p class="map-hint">${t(tool === "pose" ? "map.drag_pose" : "map.drag_goal")}</p>`;
   return html`<div class="map-hint" role="alertdialog" aria-label=${t("app.confirm")}>
     <span>${t(tool === "pose" ? "map.confirm_pose" : "map.confirm_goal")}</span>
@@ -131,14 +154,21 @@ function People({ state }) {
 
 function Zones({ site }) {
   if (!site) return null;
-  return html`<span id="zones">${t("map.zones", { zones: site.zones.length, lanes: site.lanes.length })}</span>
-    ${site.problem && html`<span class="problem" lang="en">${site.problem}</span>`}
-    ${site.changed && html`<span id="zones-changed">${t("map.zones_changed")}</span>`}`;
+  return html`<span id="zones">${t("map.zones", { zones: site.zones.length, lanes: site.lanes.list.length })}</span>
+    ${[site.problem, site.lanes.problem].map((problem) => problem && html`<span class="problem" lang="en">${problem}</span>`)}
+    ${site.lanes.wrong.length > 0 && html`<span class="problem" id="lanes-wrong">${t("map.lanes_wrong", { count: site.lanes.wrong.length })}</span>`}
+    ${(site.changed || site.lanes.changed) && html`<span id="zones-changed">${t("map.zones_changed")}</span>`}`;
 }
 
-// One finger: moves the map, or sets a place and, by dragging, a direction; a touch without a drag sets a zone's corner.
-function touches(canvas, view, drag, tool, setWish, paint, link, addCorner) {
-  const moves = tool === "look" || tool === "zone";
+function nodeNear(view, nodes, [x, y]) {
+  const away = ([nx, ny]) => view.scale * Math.hypot(nx - x, ny - y);
+  return nodes.filter((node) => away(node) < SNAP_PX).sort((a, b) => away(a) - away(b))[0] ?? [x, y];
+}
+
+// One finger: moves the map, or sets a place and, by dragging, a direction; a touch without a drag sets a point of a zone
+// or a lane. Keys: arrows move the map, Enter sets a point at its middle.
+function touches(canvas, view, drag, tool, setWish, paint, link, addPoint) {
+  const moves = tool === "look" || drawsPoints(tool);
   const where = (event) => {
     const box = canvas.current.getBoundingClientRect();
     return view.current.toMap(canvas.current, event.clientX - box.left, event.clientY - box.top);
@@ -162,7 +192,7 @@ function touches(canvas, view, drag, tool, setWish, paint, link, addCorner) {
       const now = where(event);
       if (moves) {
         drag.current.moved ||= Math.hypot(event.clientX - drag.current.at[0], event.clientY - drag.current.at[1]) > STILL_PX;
-        if (tool === "zone" && !drag.current.moved) return;
+        if (drawsPoints(tool) && !drag.current.moved) return;
         view.current.follows = false;
         view.current.x -= now[0] - drag.current.start[0];
         view.current.y -= now[1] - drag.current.start[1];
@@ -173,12 +203,23 @@ function touches(canvas, view, drag, tool, setWish, paint, link, addCorner) {
     },
     onPointerUp: () => {
       if (drag.current?.wish) setWish(drag.current.wish);
-      else if (tool === "zone" && drag.current && !drag.current.moved) {
-        view.current.follows = false; // the map stays while a zone is drawn
-        addCorner(drag.current.start);
+      else if (drawsPoints(tool) && drag.current && !drag.current.moved) {
+        view.current.follows = false; // the map stays while a zone or a lane is drawn
+        addPoint(drag.current.start);
       }
       drag.current = null;
     },
     onPointerCancel: () => { drag.current = null; paint(); },
+    onKeyDown: (event) => {
+      const arrow = ARROWS[event.key];
+      if (!arrow && !(event.key === "Enter" && drawsPoints(tool))) return;
+      event.preventDefault();
+      view.current.follows = false;
+      if (arrow) {
+        view.current.x += (arrow[0] * KEY_PX) / view.current.scale;
+        view.current.y += (arrow[1] * KEY_PX) / view.current.scale;
+      } else addPoint([view.current.x, view.current.y]);
+      paint();
+    },
   };
 }

@@ -4,7 +4,7 @@ import { html, useState } from "/vendor/preact-htm.js";
 import { t } from "/i18n.js";
 
 const KINDS = ["keepout", "speed", "one_way"];
-const SPEEDS = [0.2, 0.4, 0.6, 0.8];
+export const SPEEDS = [0.2, 0.4, 0.6, 0.8];
 
 function freeName(zones, kind) {
   const taken = new Set(zones.map((zone) => zone.name));
@@ -24,19 +24,23 @@ function zoneOf(site, kind, corners, speed) {
   return zone;
 }
 
+// Deletes at the second touch.
+export function DeleteButton({ name, label, remove }) {
+  const [asked, setAsked] = useState(false);
+  return asked
+    ? html`<button class="danger" data-delete-yes=${name} onBlur=${() => setAsked(false)} onClick=${remove}>${t("zone.delete_sure", { name: label })}</button>`
+    : html`<button data-delete=${name} onClick=${() => setAsked(true)}>${t("zone.delete", { name: label })}</button>`;
+}
+
 export function ZoneForm({ link, site, say, corners, setCorners, kind, setKind, close }) {
   const [speed, setSpeed] = useState(0.4);
-  const [deleting, setDeleting] = useState(null);
   if (!site) return null;
   const save = async () => {
     const answer = await link.ask(zoneOf(site, kind, corners, speed));
     say(answer);
     if (answer.ok) setCorners([]);
   };
-  const remove = async (name) => {
-    setDeleting(null);
-    say(await link.ask({ t: "zone_delete", name, revision: site.revision }));
-  };
+  const remove = async (name) => say(await link.ask({ t: "zone_delete", name, revision: site.revision }));
   return html`<div class="zone-form">
     <div class="tools" role="group" aria-label=${t("map.zone")}>
       ${KINDS.map((name) => html`<button data-kind=${name} aria-pressed=${kind === name} onClick=${() => setKind(name)}>${t(`zone_kind.${name}`)}</button>`)}
@@ -50,9 +54,7 @@ export function ZoneForm({ link, site, say, corners, setCorners, kind, setKind, 
     </div>
     ${site.file && html`<p class="file" lang="en">${site.file}</p>`}
     <div class="tools">
-      ${site.zones.map(({ name }) => deleting === name
-        ? html`<button class="danger" data-delete-yes=${name} onClick=${() => remove(name)}>${t("zone.delete_sure", { name })}</button>`
-        : html`<button data-delete=${name} onClick=${() => setDeleting(name)}>${t("zone.delete", { name })}</button>`)}
+      ${site.zones.map(({ name }) => html`<${DeleteButton} key=${name} name=${name} label=${name} remove=${() => remove(name)} />`)}
     </div>
   </div>`;
 }
