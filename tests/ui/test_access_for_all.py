@@ -120,3 +120,22 @@ def test_pages_in_the_sun(page: Any, robot: StandInRobot) -> None:
     page.click("#to-staff")
     page.wait_for_selector("[data-mission]")
     check(page, "destinations", sizes)
+
+
+def test_pages_on_a_phone(page: Any, robot: StandInRobot) -> None:
+    page.set_viewport_size({"width": 390, "height": 844})
+
+    def fits(where: str) -> None:
+        assert page.evaluate(TARGETS) == [], where
+        assert page.evaluate(STOP), where
+
+    fits("destinations")
+    page.click('[data-mission="site_transport"]')
+    page.click("#start")
+    page.wait_for_selector("#pause")
+    fits("ride")
+    unlock(page)
+    for name in STAFF_PAGES:
+        page.click(f'[data-nav="{name}"]')
+        page.wait_for_selector(f'[data-page="{name}"]')
+        fits(name)

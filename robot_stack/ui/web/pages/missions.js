@@ -68,7 +68,7 @@ export function MissionsPage({ link, state, say }) {
     ${data.list.map((file) => html`<article class="mission" data-file=${file.id}>
       <h3>${file.mission?.name[languageNow()] ?? file.id} <span class="tag">${t(file.own ? "missions.own" : "missions.shipped")}</span></h3>
       ${file.mission
-        ? html`<p>${file.mission.waypoints.map((item) => item.name).join(" → ")}</p>`
+        ? html`<p>${file.mission.waypoints.map((item) => item.label?.[languageNow()] ?? item.name).join(" → ")}</p>`
         : html`<p class="problem" lang="en">${file.problem}</p>`}
       ${deleting === file.id
         ? html`<div class="tools" role="alertdialog" aria-label=${t("missions.delete")}>

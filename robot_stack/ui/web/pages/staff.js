@@ -60,6 +60,7 @@ function Door({ link, name, say }) {
 export function StaffPages({ link, state, say, change }) {
   const [page, setPage] = useState("map");
   useEffect(() => () => link.show([]), []);
+  useEffect(() => document.querySelector("nav [aria-current]").scrollIntoView({ inline: "nearest", block: "nearest" }), [page]);
   const Page = PAGES[page];
   const faults = (state.safety?.faults ?? []).length + (state.staff?.called ? 1 : 0);
   return html`<div class="staff">
