@@ -152,7 +152,8 @@ class NdtMatcher:
 
         points: the matched points. lidar: (3,) sensor in base_link. contrast: ratio of the structure that the match
         explains to that of the best pose beside it, in eight directions and turned to both sides. pierced: share of the
-        rays that pass through an occupied cell of the map. Neither with too few points.
+        rays that pass through an occupied cell of the map. Neither with too few points. covariance: larger along the
+        direction held worst, if poses along it explain nearly as much: posts in a row hold any of several poses.
         """
         p = self._params.beside
         standing = self.standing(points, match.pose[2, :3])
@@ -160,7 +161,8 @@ class NdtMatcher:
             return match
         chosen = np.linspace(0, len(standing) - 1, min(len(standing), p.points)).astype(np.intp)
         few = np.ascontiguousarray(standing[chosen])
-        poses = np.array([match.pose, *self._beside(match)])
+        beside, along = self._beside(match), self._along(match)
+        poses = np.array([match.pose, *beside, *along])
         found = np.empty(len(poses))
         rotations, positions = np.ascontiguousarray(poses[:, :3, :3]), np.ascontiguousarray(poses[:, :3, 3])
         explained2 = self._params.explained_sigmas**2
@@ -175,8 +177,22 @@ class NdtMatcher:
             p.pierced_margin_m,
             p.pierced_sigmas**2,
         )
-        contrast = float(found[0] / max(found[1:].max(), 1.0 / len(chosen)))
-        return replace(match, contrast=contrast, pierced=float(pierced))
+        least = 1.0 / len(chosen)
+        contrast = float(found[0] / max(found[1 : 1 + len(beside)].max(), least))
+        covariance = match.covariance.copy()
+        if found[0] < p.along_contrast * max(found[1 + len(beside) :].max(), least):
+            direction = _worst_held(match)
+            covariance[:2, :2] += p.along_sigma_m**2 * np.outer(direction, direction)
+        return replace(match, covariance=covariance, contrast=contrast, pierced=float(pierced))
+
+    def _along(self, match: Match) -> list[Floats]:
+        """(4, 4) each: poses along the direction that is held worst."""
+        steps = np.outer(
+            np.concatenate([(away_m, -away_m) for away_m in self._params.beside.along_m]), _worst_held(match)
+        )
+        found = np.repeat(match.pose[None], len(steps), axis=0)
+        found[:, :2, 3] += steps
+        return list(found)
 
     def _beside(self, match: Match) -> list[Floats]:
         """(4, 4) each: poses that a sweep should distinguish from ``match``, at the same height over the ground."""
@@ -228,6 +244,11 @@ class NdtMatcher:
         least = np.array([p.position_sigma_m] * 3 + [p.yaw_sigma_rad] * 3) ** 2
         covariance: Floats = p.covariance_scale**2 * 0.5 * (spread + spread.T) + np.diag(least)
         return covariance
+
+
+def _worst_held(match: Match) -> Floats:
+    """(2,) unit vector, map."""
+    return np.asarray(np.linalg.eigh(match.planar_covariance[:2, :2])[1][:, 1])
 
 
 def _mixture(size_m: float, outlier_share: float) -> tuple[float, float]:

@@ -39,12 +39,17 @@ class BesideParams(Config):
 
     points: number of points above the ground to use; with fewer than min_points there is no result. A ray passes
     through a cell of the map if it comes within pierced_sigmas of it, pierced_margin_m and more from its ends.
+    along_m: to both sides along the direction that the match holds worst; a match that explains less than
+    along_contrast times as much as the best of these poses leaves that direction open, with a sigma of along_sigma_m.
     """
 
     points: Count
     min_points: Count
     away_m: Annotated[list[Positive], Field(min_length=1)]
     turned_rad: list[Positive]
+    along_m: Annotated[list[Positive], Field(min_length=1)]
+    along_contrast: Annotated[float, Field(gt=1.0)]
+    along_sigma_m: Positive
     pierced_sigmas: Positive
     pierced_margin_m: Positive
 

@@ -19,7 +19,18 @@ from robot_stack.localization.ndt.gate import Confidence, fit_of, lack_of_eviden
 from robot_stack.localization.ndt.matcher import Match, pose_of
 from robot_stack.localization.ndt.solver import MatchRequest, SweepSolver
 from tests.benchmarks.support.ndt_foreign import GONE, Place, in_another_world, places, searched, tracked, without
-from tests.unit.localization.courtyard import LIDAR, UP, cells, matcher, seen_from, solver, surfaces, sweep_from
+from tests.unit.localization.courtyard import (
+    LIDAR,
+    UP,
+    cells,
+    corridor_solver,
+    corridor_with_posts,
+    matcher,
+    seen_from,
+    solver,
+    surfaces,
+    sweep_from,
+)
 from tests.unit.localization.stories import IMU_S, params, reading
 
 KITTI = Path("/work/shared/data/lidar")
@@ -108,6 +119,21 @@ def test_rays_pass_through_the_map_at_a_wrong_place_and_not_at_the_right_one() -
     assert wrong.contrast < right.contrast
     assert right.residual < 1.0
     assert right.agreement > 0.9
+
+
+def test_a_row_of_posts_leaves_the_pose_open_along_it() -> None:
+    """The match alone claims to hold it, at whichever posts."""
+    here, lidar = pose_of(Pose2(9.0, 0.2, 0.25), 0.02, UP), np.array(LIDAR)
+    posts = corridor_solver().matcher
+    points = seen_from(here, corridor_with_posts(8.0, seed=7))
+    match = posts.match(points, here, UP, 0.1)
+    weighed = posts.weighed(points, match, lidar)
+    assert math.sqrt(match.position_variances_m2[1]) < 0.1
+    assert math.sqrt(weighed.position_variances_m2[1]) > 1.0
+    assert weighed.position_variances_m2[0] == pytest.approx(match.position_variances_m2[0], rel=0.1), "not across"
+    points = seen_from(pose_of(HERE, 0.02, UP), surfaces(8.0, seed=7))
+    match = matcher().match(points, pose_of(HERE, 0.0, UP), UP, 0.1)
+    assert np.array_equal(matcher().weighed(points, match, lidar).covariance, match.covariance)
 
 
 def test_too_few_points_weigh_nothing() -> None:
