@@ -10,11 +10,11 @@ from collections.abc import Callable, Mapping
 from typing import Final
 
 from robot_stack.wmx import MotionEngine
-from robot_stack.wmx.api import OperationState, error_name
+from robot_stack.wmx.api import ErrorCode, OperationState, error_name
 from robot_stack.wmx.axes import Real, StatusSnapshot
 from robot_stack.wmx.homing import homed
 
-_POLL_S: Final = 0.05
+_POLL_S: Final = 0.03  # no multiple or part of the drive's 50 ms
 _STANDSTILL_RADPS: Final = 0.02
 
 
@@ -37,18 +37,22 @@ def home_axes(
     """
     _require(_status(engine), axes, machine)
     left: list[int] = []
+    waiting = list(axes)
     try:
-        for axis, name in axes.items():
-            left.append(axis)
-            _checked(name, engine.core_motion.home.StartHome(axis))
         for _ in range(max(1, round(timeout_s / _POLL_S))):
+            for axis in tuple(waiting):
+                code = engine.core_motion.home.StartHome(axis)
+                if code != ErrorCode.NotIdleState:  # the drive, which holds the axis, commands it at this moment
+                    left.append(axis)
+                    _checked(axes[axis], code)
+                    waiting.remove(axis)
             pause(_POLL_S)
             snapshot = _status(engine)
             left = [axis for axis in left if not _homed(snapshot, axis, axes[axis])]
-            if not left:
+            if not left and not waiting:
                 offsets = snapshot.reals[Real.HOME_OFFSET]
                 return {name: float(offsets[axis]) for axis, name in axes.items()}
-        raise HomingError(f"not homed within {timeout_s:g} s: {', '.join(axes[axis] for axis in left)}")
+        raise HomingError(f"not homed within {timeout_s:g} s: {', '.join(axes[axis] for axis in (*left, *waiting))}")
     finally:  # also after an interruption: an axis may be turning towards its switch
         for axis in left:
             engine.core_motion.home.Cancel(axis)

@@ -290,6 +290,21 @@ class TestHoming:
         assert bench.engine.arrays.flags[Flag.OP_STATE, 0] == OperationState.Velocity
         assert set(self.home(bench)) == set(STEERING.values())
 
+    def test_steering_that_the_drive_commands_at_the_moment_is_homed_after_it(self, bench: Bench) -> None:
+        status = bench.device.read_status
+
+        def read_status() -> Any:
+            before = status()
+            if not bench.engine.arrays.flags[Flag.HOME_DONE].any():
+                hold = Motion_PosCommand(5, 0.001, Profile.SetupTrapezoidal(4.0, 40.0, 40.0))
+                assert bench.device.core_motion.motion.StartPos(hold) == 0
+                bench.run(0.002)
+            return before
+
+        bench.device.read_status = read_status  # type: ignore[method-assign]
+        assert set(self.home(bench)) == set(STEERING.values())
+        assert bench.engine.arrays.flags[Flag.HOME_DONE, list(STEERING)].all()
+
     @pytest.mark.parametrize(
         ("fault", "message"),
         [
