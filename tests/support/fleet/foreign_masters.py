@@ -1,4 +1,10 @@
-"""Fleet managers and a robot by foreign implementations of VDA 5050: vda5050-sdk and vda-5050-lib."""
+"""Fleet managers and a robot by foreign implementations of VDA 5050: vda5050-sdk and vda-5050-lib.
+
+    python -m tests.support.fleet.foreign_masters BROKER_URL ORDER_FILE
+
+lets vda5050-sdk order a running robot, of the default names, and prints what it saw. Exit code 1 if the order was
+refused or did not end within an hour.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +12,8 @@ import asyncio
 import json
 import shutil
 import subprocess
+import sys
+import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -157,3 +165,14 @@ def installed_npm(folder: Path) -> Path:
     if done.returncode:
         pytest.skip("vda-5050-lib cannot be downloaded")
     return folder
+
+
+def main(url: str, file: Path) -> int:
+    order = {"orderId": f"sdk-{time.time_ns()}", "orderUpdateId": 0, **json.loads(file.read_text(encoding="utf-8"))}
+    followed = drive_by_sdk(url, "robot_stack", "robot_1", order, deadline_s=3600.0)
+    print(followed)
+    return 0 if followed.finished else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1], Path(sys.argv[2])))
