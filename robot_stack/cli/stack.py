@@ -18,7 +18,8 @@ from robot_stack.core.runtime import touch_screen_url
 from robot_stack.supervisor.control import NotRunning, ask
 
 _MONITOR = "safety_monitor"
-_SAFETY_S = 5.0  # the status comes at 10 Hz, but a new subscription takes a moment
+_SAFETY_S = 5.0  # the status comes at 10 Hz, but a new subscription takes a moment, and a fault 2 s to clear
+_SLOWEST = 0.05
 
 Profile = Annotated[
     str,
@@ -99,7 +100,8 @@ def up(
     if url := touch_screen_url():
         print(f"touch screen: {url}")
     if any(item["name"] == _MONITOR for item in status["processes"]):
-        print("\n".join(safety_lines(settled_safety(_SAFETY_S))))
+        pace = min(1.0, status["sim_pace"] or 1.0)  # faults clear in the world's time
+        print("\n".join(safety_lines(settled_safety(_SAFETY_S / max(pace, _SLOWEST)))))
         with contextlib.suppress(NotRunning, TimeoutError):
             status = ask("status")
     if progress.pace_text(status):

@@ -5,9 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
+from robot_stack.cli import stack
+from robot_stack.cli.app import app
 from robot_stack.cli.safety_state import safety_lines
 from robot_stack.contract.faults import FAULTS
+from robot_stack.supervisor import client
 
 
 def said(state: str, *faults: str) -> dict[str, Any]:
@@ -40,3 +44,24 @@ def test_every_fault_of_the_contract_is_described() -> None:
     lines = safety_lines(said("EMERGENCY_STOP", *(fault.code for fault in FAULTS)))
     assert all(f"  {fault.code}: {fault.raised_when}" in "\n".join(lines) for fault in FAULTS)
     assert max(map(len, lines)) <= 120
+
+
+@pytest.mark.parametrize(("pace", "deadline_s"), [(None, 5.0), (1.0, 5.0), (4.0, 5.0), (0.1, 50.0), (0.001, 100.0)])
+def test_up_waits_in_the_time_of_the_world(
+    monkeypatch: pytest.MonkeyPatch, pace: float | None, deadline_s: float
+) -> None:
+    status = {
+        "processes": [{"name": "safety_monitor"}],
+        "ready_after_s": 1.0,
+        "missing": [],
+        "log_dir": "logs",
+        "sim_pace": pace,
+        "sim_speed": 1.0,
+    }
+    waited: list[float] = []
+    monkeypatch.setattr(client, "start", lambda *_: status)
+    monkeypatch.setattr(stack, "settled_safety", waited.append)
+    monkeypatch.setattr(stack, "ask", lambda _: status)
+    result = CliRunner().invoke(app, ["up"])
+    assert result.exit_code == 0, result.output
+    assert waited == [pytest.approx(deadline_s)]
