@@ -71,6 +71,8 @@ def _identity(value: object) -> str:
         case EnumMeta():
             members: Mapping[str, Any] = value.__members__
             return repr({name: member.value for name, member in members.items()})
+        case type():
+            return repr(getattr(value, "_fields", ""))  # of a named tuple
         case np.ndarray():
             return f"{value.dtype}{value.shape}{value.tobytes().hex()}"
         case bool() | int() | float() | str() | np.generic():

@@ -21,9 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.core.compiled import compiled
-from sim.lidar.kernels import BLOCK, FIRST_SOLID, GROUND_HIT, MIRROR_HIT, carried
+from sim.lidar.kernels import BLOCK, FIRST_SOLID, GROUND_HIT, MIRROR_HIT, place_of
 from sim.lidar.rays import enter
-from sim.lidar.shapes import F32, F64, I16, I64
+from sim.lidar.shapes import F32, F64, I64, Beams, Met, Solids
 
 _TINY = 1e-9
 
@@ -42,31 +42,21 @@ def mirrored_share(cosine: float, index: float) -> float:
 def look_through(
     chosen: I64,
     uniforms: F64,
-    azimuths: F64,
-    elevations: F64,
-    origins: F64,
-    rotations: F64,
-    max_m: float,
+    beams: Beams,
     panes: NDArray[np.bool_],
     index: float,
     glint_cosine: float,
     reflectivity_of: F32,
-    kind: I64,
-    mover: I64,
-    centre: F64,
-    turned: F64,
-    half: F64,
-    mover_position: F64,
-    mover_rotation: F64,
-    ranges: F32,
-    hits: I16,
-    cosines: F32,
+    solids: Solids,
+    met: Met,
 ) -> None:
-    """Changes the beams of ``kernels.cast`` that met a pane, which the other arguments are as given to and filled by.
+    """Changes the beams in ``met`` that met a pane.
 
     chosen: (k,) numbers of those beams, column by column; uniforms: (k, 3). panes: (n,) which solids are; upright boxes
     of the map. The range of what is mirrored is the whole way.
     """
+    azimuths, elevations, origins, rotations, max_m = beams
+    ranges, hits, cosines = met
     rings = len(elevations)
     at, beam, back = np.empty(3), np.empty(3), np.empty(3)
     for j in range(len(chosen)):
@@ -78,7 +68,7 @@ def look_through(
         for i in range(3):
             beam[i] = rotations[c, i, 0] * ahead + rotations[c, i, 1] * aside + rotations[c, i, 2] * up
             at[i] = origins[c, i] + way * beam[i]
-        _reflect(beam, at, centre[pane], turned[pane], half[pane], back)
+        _reflect(beam, at, solids.centre[pane], solids.turned[pane], solids.half[pane], back)
         cosine = min(max(float(cosines[c, r]), _TINY), 1.0)
         share = mirrored_share(cosine, index)
         own = reflectivity_of[hits[c, r]]
@@ -88,18 +78,16 @@ def look_through(
         ranges[c, r], cosines[c, r] = way, own_cosine
         for turn in range(2):
             ray, passed = (beam, 1.0 - share) if turn == 0 else (back, share)
-            far, slant, met = _meet(
-                c // BLOCK, at, ray, panes, kind, mover, centre, turned, half, mover_position, mover_rotation
-            )
+            far, slant, behind = _meet(c // BLOCK, at, ray, panes, solids)
             total = way + far
             if total > max_m:
                 continue
-            light = reflectivity_of[met] * slant * passed * passed
+            light = reflectivity_of[behind] * slant * passed * passed
             strength = -math.log(1.0 - uniforms[j, 1 + turn]) * light / (total * total)
             if strength <= best:
                 continue
             best = strength
-            ranges[c, r], hits[c, r] = total, met if turn == 0 else MIRROR_HIT
+            ranges[c, r], hits[c, r] = total, behind if turn == 0 else MIRROR_HIT
             cosines[c, r] = light / reflectivity_of[hits[c, r]]
 
 
@@ -121,34 +109,17 @@ def _reflect(beam: F64, at: F64, centre: F64, turned: F64, half: F64, back: F64)
 
 
 @compiled(error_model="numpy")
-def _meet(
-    block: int,
-    at: F64,
-    ray: F64,
-    panes: NDArray[np.bool_],
-    kind: I64,
-    mover: I64,
-    centre: F64,
-    turned: F64,
-    half: F64,
-    mover_position: F64,
-    mover_rotation: F64,
-) -> tuple[float, float, int]:
+def _meet(block: int, at: F64, ray: F64, panes: NDArray[np.bool_], solids: Solids) -> tuple[float, float, int]:
     """How far, at what cosine and what a ray meets that is no pane; the ground is level and dry there."""
     shape, place = np.empty((3, 3)), np.empty(3)
     nearest, slant, met = np.inf, 0.0, GROUND_HIT
     if ray[2] < -_TINY:
         nearest, slant = at[2] / -ray[2], -ray[2]
-    for k in range(len(kind)):
+    for k in range(len(solids.kind)):
         if panes[k]:
             continue
-        if mover[k] < 0:
-            place[:], shape[:] = centre[k], turned[k]
-        else:
-            carried(
-                centre[k], turned[k], mover_position[block, mover[k]], mover_rotation[block, mover[k]], place, shape
-            )
-        far, cosine = enter(kind[k], at, ray, place, shape, half[k])
+        place_of(solids, k, block, place, shape)
+        far, cosine = enter(solids.kind[k], at, ray, place, shape, solids.half[k])
         if far < nearest:
             nearest, slant, met = far, cosine, FIRST_SOLID + k
     return nearest, slant, met

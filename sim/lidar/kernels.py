@@ -12,8 +12,8 @@ import math
 import numpy as np
 
 from robot_stack.core.compiled import compiled
-from sim.lidar.rays import meet_column, safe
-from sim.lidar.shapes import F32, F64, I16, I64
+from sim.lidar.rays import Angles, meet_window, safe
+from sim.lidar.shapes import F64, I64, Beams, Met, Solids
 from sim.lidar.windows import window_of
 
 BLOCK = 37  # columns
@@ -23,154 +23,76 @@ _TINY = 1e-12
 
 
 @compiled(error_model="numpy")
-def cast_ground(
-    azimuths: F64,
-    elevations: F64,
-    origins: F64,
-    rotations: F64,
-    max_m: float,
-    rects: F64,
-    ranges: F32,
-    hits: I16,
-    cosines: F32,
-) -> None:
-    """Intersects every beam with the ground, wet ground and pits; overwrites the results.
+def cast_ground(beams: Beams, rects: F64, met: Met) -> None:
+    """Intersects every beam with the ground, wet ground and pits; overwrites ``met``.
 
-    azimuths: (c,) evenly falling; elevations: (r,) evenly rising, rad. origins (c, 3), rotations (c, 3, 3): the sensor
-    in map for each column. rects: (k, 7) centre x, y, cos and sin of yaw, half length, half width, depth: wet ground
-    (depth 0) or a pit. Results, (c, r): range in m (inf: nothing), what was met, cosine of the angle to its normal.
+    rects: (k, 7) centre x, y, cos and sin of yaw, half length, half width, depth: wet ground (depth 0) or a pit.
     """
-    columns = len(azimuths)
-    ring_cos, ring_sin = np.cos(elevations), np.sin(elevations)
-    column_cos, column_sin = np.cos(azimuths), np.sin(azimuths)
+    angles = _angles(beams)
+    columns = len(beams.azimuths)
     shape = np.empty((3, 3))
     place = np.empty(3)
     window = np.empty(4, np.int64)
     for block in range((columns + BLOCK - 1) // BLOCK):
         first, last = block * BLOCK, min(columns, (block + 1) * BLOCK)
-        _ground(
-            first, last, column_cos, column_sin, ring_cos, ring_sin, origins, rotations, max_m, ranges, hits, cosines
-        )
+        _ground(first, last, beams, angles, met)
         for k in range(len(rects)):
             place[0], place[1], place[2] = rects[k, 0], rects[k, 1], 0.0
             shape[:] = 0.0
             shape[0, 0] = shape[1, 1] = rects[k, 2]
             shape[1, 0], shape[0, 1], shape[2, 2] = rects[k, 3], -rects[k, 3], 1.0
             flat = np.array([rects[k, 4], rects[k, 5], 1e-6])
-            if window_of(first, last, azimuths, elevations, origins, rotations, place, shape, flat, max_m, window):
-                _rect(
-                    window,
-                    column_cos,
-                    column_sin,
-                    ring_cos,
-                    ring_sin,
-                    origins,
-                    rotations,
-                    max_m,
-                    rects[k],
-                    ranges,
-                    hits,
-                    cosines,
-                )
+            if window_of(first, last, beams, place, shape, flat, window):
+                _rect(window, beams, angles, rects[k], met)
 
 
 @compiled(error_model="numpy")
-def cast_solids(
-    azimuths: F64,
-    elevations: F64,
-    origins: F64,
-    rotations: F64,
-    max_m: float,
-    begin: int,
-    end: int,
-    kind: I64,
-    mover: I64,
-    centre: F64,
-    turned: F64,
-    half: F64,
-    mover_position: F64,
-    mover_rotation: F64,
-    ranges: F32,
-    hits: I16,
-    cosines: F32,
-) -> None:
-    """Merges the solids begin to end - 1 where they are nearer than the results so far.
-
-    kind to half: ``ShapeArrays``. mover_position (b, m, 3), mover_rotation (b, m, 3, 3): a pose per block of ``BLOCK``
-    columns. The rest as in ``cast_ground``.
-    """
-    columns = len(azimuths)
-    ring_cos, ring_sin = np.cos(elevations), np.sin(elevations)
-    column_cos, column_sin = np.cos(azimuths), np.sin(azimuths)
+def cast_solids(beams: Beams, begin: int, end: int, solids: Solids, met: Met) -> None:
+    """Merges the solids begin to end - 1 where they are nearer than the results so far."""
+    angles = _angles(beams)
+    columns = len(beams.azimuths)
     shape = np.empty((3, 3))
     place = np.empty(3)
     window = np.empty(4, np.int64)
     for block in range((columns + BLOCK - 1) // BLOCK):
         first, last = block * BLOCK, min(columns, (block + 1) * BLOCK)
         for i in range(begin, end):
-            if mover[i] < 0:
-                place[:], shape[:] = centre[i], turned[i]
-            else:
-                carried(
-                    centre[i], turned[i], mover_position[block, mover[i]], mover_rotation[block, mover[i]], place, shape
-                )
-            if not window_of(
-                first, last, azimuths, elevations, origins, rotations, place, shape, half[i], max_m, window
-            ):
-                continue
-            for c in range(window[0], window[1]):
-                meet_column(
-                    c,
-                    window[2],
-                    window[3],
-                    kind[i],
-                    FIRST_SOLID + i,
-                    column_cos[c],
-                    column_sin[c],
-                    ring_cos,
-                    ring_sin,
-                    origins[c],
-                    rotations[c],
-                    place,
-                    shape,
-                    half[i],
-                    max_m,
-                    ranges,
-                    hits,
-                    cosines,
-                )
+            place_of(solids, i, block, place, shape)
+            half = solids.half[i]
+            if window_of(first, last, beams, place, shape, half, window):
+                meet_window(window, solids.kind[i], FIRST_SOLID + i, beams, angles, place, shape, half, met)
 
 
 @compiled(error_model="numpy")
-def _ground(
-    first: int,
-    last: int,
-    column_cos: F64,
-    column_sin: F64,
-    ring_cos: F64,
-    ring_sin: F64,
-    origins: F64,
-    rotations: F64,
-    max_m: float,
-    ranges: F32,
-    hits: I16,
-    cosines: F32,
-) -> None:
+def _angles(beams: Beams) -> Angles:
+    return np.cos(beams.azimuths), np.sin(beams.azimuths), np.cos(beams.elevations), np.sin(beams.elevations)
+
+
+@compiled(error_model="numpy")
+def _ground(first: int, last: int, beams: Beams, angles: Angles, met: Met) -> None:
+    _, _, origins, rotations, max_m = beams
+    column_cos, column_sin, ring_cos, ring_sin = angles
+    ranges, hits, cosines = met
     for c in range(first, last):
         level = rotations[c, 2, 0] * column_cos[c] + rotations[c, 2, 1] * column_sin[c]
         up, height = rotations[c, 2, 2], origins[c, 2]
         for r in range(len(ring_cos)):
             fall = -(ring_cos[r] * level + ring_sin[r] * up)
             far = height / fall if fall > _TINY else np.inf
-            met = far <= max_m
-            ranges[c, r] = far if met else np.inf
-            hits[c, r] = GROUND_HIT if met else NO_HIT
+            reached = far <= max_m
+            ranges[c, r] = far if reached else np.inf
+            hits[c, r] = GROUND_HIT if reached else NO_HIT
             cosines[c, r] = fall
 
 
 @compiled(error_model="numpy")
-def carried(centre: F64, turned: F64, position: F64, rotation: F64, place: F64, shape: F64) -> None:
-    """Pose in map of a shape that a mover carries."""
+def place_of(solids: Solids, number: int, block: int, place: F64, shape: F64) -> None:
+    """Pose in map of a solid, which stands or which a mover carries, in a block of columns."""
+    mover, centre, turned = solids.mover[number], solids.centre[number], solids.turned[number]
+    if mover < 0:
+        place[:], shape[:] = centre, turned
+        return
+    position, rotation = solids.mover_position[block, mover], solids.mover_rotation[block, mover]
     for i in range(3):
         place[i] = position[i]
         for j in range(3):
@@ -181,21 +103,11 @@ def carried(centre: F64, turned: F64, position: F64, rotation: F64, place: F64, 
 
 
 @compiled(error_model="numpy")
-def _rect(
-    window: I64,
-    column_cos: F64,
-    column_sin: F64,
-    ring_cos: F64,
-    ring_sin: F64,
-    origins: F64,
-    rotations: F64,
-    max_m: float,
-    rect: F64,
-    ranges: F32,
-    hits: I16,
-    cosines: F32,
-) -> None:
+def _rect(window: I64, beams: Beams, angles: Angles, rect: F64, met: Met) -> None:
     """Handles beams that hit the ground inside a rectangle: wet ground, or a pit that they enter."""
+    _, _, origins, rotations, max_m = beams
+    column_cos, column_sin, ring_cos, ring_sin = angles
+    ranges, hits, cosines = met
     cx, cy, cos_y, sin_y, half_x, half_y, depth = rect[0], rect[1], rect[2], rect[3], rect[4], rect[5], rect[6]
     for c in range(window[0], window[1]):
         away_x, away_y = origins[c, 0] - cx, origins[c, 1] - cy
@@ -219,7 +131,7 @@ def _rect(
             floor = (origins[c, 2] + depth) / fall
             far = min(side_x, side_y, floor)
             cosine = fall if far == floor else abs(dx) if far == side_x else abs(dy)
-            met = far <= max_m
-            ranges[c, r] = far if met else np.inf
-            hits[c, r] = PIT_HIT if met else NO_HIT
+            reached = far <= max_m
+            ranges[c, r] = far if reached else np.inf
+            hits[c, r] = PIT_HIT if reached else NO_HIT
             cosines[c, r] = cosine

@@ -1,4 +1,4 @@
-"""One ray against one solid, compiled: range of its entry, and cosine of the incidence angle."""
+"""Rays against one solid, compiled: range of its entry, and cosine of the incidence angle."""
 
 from __future__ import annotations
 
@@ -7,59 +7,48 @@ import math
 import numpy as np
 
 from robot_stack.core.compiled import compiled
-from sim.lidar.shapes import BOX, F32, F64, I16
+from sim.lidar.shapes import BOX, F64, I64, Beams, Met
 
+Angles = tuple[F64, F64, F64, F64]
+"""Cosines and sines of the columns' azimuths, (c,), and of the rings' elevations, (r,)."""
 _TINY = 1e-12
 
 
 @compiled(error_model="numpy")
-def meet_column(
-    c: int,
-    ring_from: int,
-    ring_to: int,
-    kind: int,
-    number: int,
-    cos_a: float,
-    sin_a: float,
-    ring_cos: F64,
-    ring_sin: F64,
-    origin: F64,
-    rotation: F64,
-    place: F64,
-    shape: F64,
-    half: F64,
-    max_m: float,
-    ranges: F32,
-    hits: I16,
-    cosines: F32,
+def meet_window(
+    window: I64, kind: int, number: int, beams: Beams, angles: Angles, place: F64, shape: F64, half: F64, met: Met
 ) -> None:
-    """One column of beams against one solid, in its own frame: direction = cos(elevation) u + sin(elevation) w."""
-    ox = oy = oz = ux = uy = uz = wx = wy = wz = 0.0
-    for i in range(3):
-        away = origin[i] - place[i]
-        u = rotation[i, 0] * cos_a + rotation[i, 1] * sin_a
-        w = rotation[i, 2]
-        ox += shape[i, 0] * away
-        oy += shape[i, 1] * away
-        oz += shape[i, 2] * away
-        ux += shape[i, 0] * u
-        uy += shape[i, 1] * u
-        uz += shape[i, 2] * u
-        wx += shape[i, 0] * w
-        wy += shape[i, 1] * w
-        wz += shape[i, 2] * w
-    for r in range(ring_from, ring_to):
-        dx = ring_cos[r] * ux + ring_sin[r] * wx
-        dy = ring_cos[r] * uy + ring_sin[r] * wy
-        dz = ring_cos[r] * uz + ring_sin[r] * wz
-        if kind == BOX:
-            far, cosine = _enter_box(ox, oy, oz, dx, dy, dz, half[0], half[1], half[2])
-        else:
-            far, cosine = _enter_cylinder(ox, oy, oz, dx, dy, dz, half[0], half[2])
-        if far < ranges[c, r] and far <= max_m:
-            ranges[c, r] = far
-            hits[c, r] = number
-            cosines[c, r] = cosine
+    """The beams of a window (``window_of``) against one solid, in its own frame."""
+    column_cos, column_sin, ring_cos, ring_sin = angles
+    ranges, hits, cosines = met
+    for c in range(window[0], window[1]):
+        # direction = cos(elevation) u + sin(elevation) w
+        ox = oy = oz = ux = uy = uz = wx = wy = wz = 0.0
+        for i in range(3):
+            away = beams.origins[c, i] - place[i]
+            u = beams.rotations[c, i, 0] * column_cos[c] + beams.rotations[c, i, 1] * column_sin[c]
+            w = beams.rotations[c, i, 2]
+            ox += shape[i, 0] * away
+            oy += shape[i, 1] * away
+            oz += shape[i, 2] * away
+            ux += shape[i, 0] * u
+            uy += shape[i, 1] * u
+            uz += shape[i, 2] * u
+            wx += shape[i, 0] * w
+            wy += shape[i, 1] * w
+            wz += shape[i, 2] * w
+        for r in range(window[2], window[3]):
+            dx = ring_cos[r] * ux + ring_sin[r] * wx
+            dy = ring_cos[r] * uy + ring_sin[r] * wy
+            dz = ring_cos[r] * uz + ring_sin[r] * wz
+            if kind == BOX:
+                far, cosine = _enter_box(ox, oy, oz, dx, dy, dz, half[0], half[1], half[2])
+            else:
+                far, cosine = _enter_cylinder(ox, oy, oz, dx, dy, dz, half[0], half[2])
+            if far < ranges[c, r] and far <= beams.max_m:
+                ranges[c, r] = far
+                hits[c, r] = number
+                cosines[c, r] = cosine
 
 
 @compiled(error_model="numpy")

@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +31,7 @@ from sim.lidar.mirror import mirror
 from sim.lidar.params import LidarParams
 from sim.lidar.poses import poses_at
 from sim.lidar.scene import Scene
-from sim.lidar.shapes import F32, F64
+from sim.lidar.shapes import F32, F64, Beams, Met, Solids
 from sim.lidar.still_view import StillView
 from sim.lidar.sun import Sun, dazzle, towards
 from sim.lidar.weather import Particles, Weather, draw, meet, particles
@@ -238,10 +237,8 @@ class Lidar:
         shine[AIRBORNE_HIT] = 1.0
         return air, shine
 
-    def ranges(
-        self, base: Track, times_s: F64, first: int, last: int, movers: Mapping[str, Track]
-    ) -> tuple[F32, NDArray[np.int16], F32]:
-        """True range (inf: nothing), what was met, cosine: (columns, rings) each, valid until the next call."""
+    def ranges(self, base: Track, times_s: F64, first: int, last: int, movers: Mapping[str, Track]) -> Met:
+        """What the beams truly meet, valid until the next call."""
         origins, rotations = poses_at(base, times_s, self.mounting)
         block_times = times_s[np.minimum(np.arange(0, last - first, BLOCK) + BLOCK // 2, last - first - 1)]
         place = np.zeros((len(block_times), len(self.scene.movers), 3))
@@ -252,52 +249,31 @@ class Lidar:
             if name in tracks:
                 place[:, index], turned[:, index] = poses_at(tracks[name], block_times, _UNMOVED)
         shapes, count = self.scene.shapes, last - first
-        ranges, hits, cosines = self._ranges[:count], self._hits[:count], self._cosines[:count]
-        beams: tuple[Any, ...] = (
-            self._azimuths[first:last],
-            self._elevations,
-            origins,
-            rotations,
-            self.params.ranging.max_m,
-        )
-        solids: tuple[Any, ...] = (
-            shapes.kind,
-            shapes.mover,
-            shapes.centre_m,
-            shapes.rotation,
-            shapes.half_m,
-            place,
-            turned,
-        )
-        results = ranges, hits, cosines
+        met = Met(self._ranges[:count], self._hits[:count], self._cosines[:count])
+        max_m = self.params.ranging.max_m
+        beams = Beams(self._azimuths[first:last], self._elevations, origins, rotations, max_m)
+        solids = Solids(shapes.kind, shapes.mover, shapes.centre_m, shapes.rotation, shapes.half_m, place, turned)
         still = self._still.setdefault((first, last), StillView())
-        if not still.recall(origins, rotations, results):
-            ground: tuple[Any, ...] = (*beams, self.scene.rects, *results)
-            cast_ground(*ground)
-            standing: tuple[Any, ...] = (*beams, 0, self._fixed, *solids, *results)
-            cast_solids(*standing)
-            still.keep(origins, rotations, results)
-        moving: tuple[Any, ...] = (*beams, self._fixed, len(shapes.kind), *solids, *results)
-        cast_solids(*moving)
+        if not still.recall(origins, rotations, met):
+            cast_ground(beams, self.scene.rects, met)
+            cast_solids(beams, 0, self._fixed, solids, met)
+            still.keep(origins, rotations, met)
+        cast_solids(beams, self._fixed, len(shapes.kind), solids, met)
         share = self.params.wet.mirror_share
         if share > 0.0 and self._has_wet_ground:
-            skip = int(self._random.integers(0, len(self._uniforms) - ranges.size))
-            mirrored: tuple[Any, ...] = (*beams, share, self._uniforms[skip:], *solids, *results)
-            mirror(*mirrored)
+            skip = int(self._random.integers(0, len(self._uniforms) - met.ranges.size))
+            mirror(beams, share, self._uniforms[skip:], solids, met)
         if self.scene.glass:
-            self._through_glass(beams, solids, results)
-        return results
+            self._through_glass(beams, solids, met)
+        return met
 
-    def _through_glass(
-        self, beams: tuple[Any, ...], solids: tuple[Any, ...], results: tuple[F32, NDArray[np.int16], F32]
-    ) -> None:
-        hits, glass = results[1], self.params.glass
+    def _through_glass(self, beams: Beams, solids: Solids, met: Met) -> None:
+        hits, glass = met.hits, self.params.glass
         chosen = np.flatnonzero((hits >= FIRST_SOLID) & self._is_glass[np.maximum(hits, 0)])
         uniforms = self._glass_random.random((len(chosen), 3))
         numbers = glass.refractive_index, math.cos(math.radians(glass.glint_deg)), self.scene.reflectivity
         panes = self._is_glass[FIRST_SOLID:]
-        given: tuple[Any, ...] = (chosen, uniforms, *beams, panes, *numbers, *solids, *results)
-        look_through(*given)
+        look_through(chosen, uniforms, beams, panes, *numbers, solids, met)
 
 
 def _bank_size(beams: int) -> int:

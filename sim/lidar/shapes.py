@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -44,6 +45,39 @@ class ShapeArrays:
     half_m: F64
     label: NDArray[np.uint8]
     reflectivity: NDArray[np.float32]
+
+
+class Beams(NamedTuple):
+    """Columns of beams. azimuths: (c,) evenly falling; elevations: (r,) evenly rising, rad. max_m: the longest range.
+
+    origins (c, 3), rotations (c, 3, 3): the sensor in map for each column.
+    """
+
+    azimuths: F64
+    elevations: F64
+    origins: F64
+    rotations: F64
+    max_m: float
+
+
+class Solids(NamedTuple):
+    """``ShapeArrays`` and their movers: (b, m, 3) and (b, m, 3, 3), a pose per block of columns."""
+
+    kind: I64
+    mover: I64
+    centre: F64
+    turned: F64
+    half: F64
+    mover_position: F64
+    mover_rotation: F64
+
+
+class Met(NamedTuple):
+    """(c, r) each: range in m (inf: nothing), what was met, cosine of the angle to its normal."""
+
+    ranges: F32
+    hits: I16
+    cosines: F32
 
 
 def pack(fixed: Iterable[Shape], carried: Sequence[Sequence[Shape]]) -> ShapeArrays:

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from sim.lidar.shapes import F32, F64
+from sim.lidar.shapes import F64, Met
 
 # A sensor that moved less than this is static: 0.05 mm at 50 m, a four-hundredth of the ranges' noise.
 _TURN, _SHIFT_M = 1e-6, 1e-6
-Results = tuple[F32, NDArray[np.int16], F32]
 
 
 class StillView:
@@ -18,9 +16,9 @@ class StillView:
     def __init__(self) -> None:
         self._origins: F64 = np.zeros((0, 3))
         self._rotations: F64 = np.zeros((0, 3, 3))
-        self._seen: Results | None = None
+        self._seen: Met | None = None
 
-    def recall(self, origins: F64, rotations: F64, results: Results) -> bool:
+    def recall(self, origins: F64, rotations: F64, results: Met) -> bool:
         """Fills ``results`` (columns, rings) with the stored view from these poses, if there is one.
 
         origins: (columns, 3) m, rotations: (columns, 3, 3), of the sensor in map.
@@ -31,12 +29,12 @@ class StillView:
         ranges[:], hits[:], cosines[:] = self._seen
         return True
 
-    def keep(self, origins: F64, rotations: F64, results: Results) -> None:
+    def keep(self, origins: F64, rotations: F64, results: Met) -> None:
         """Stores a new view from these poses."""
         twice = self._same(origins, rotations)
         self._origins, self._rotations = origins, rotations
         ranges, hits, cosines = results
-        self._seen = (ranges.copy(), hits.copy(), cosines.copy()) if twice else None
+        self._seen = Met(ranges.copy(), hits.copy(), cosines.copy()) if twice else None
 
     def _same(self, origins: F64, rotations: F64) -> bool:
         return (

@@ -5,27 +5,16 @@ from __future__ import annotations
 import math
 
 from robot_stack.core.compiled import compiled
-from sim.lidar.shapes import F64, I64
+from sim.lidar.shapes import F64, I64, Beams
 
 # Margin for rounding at the edge of a solid, beside that for motion.
 _PAD_RAD = 1e-4
 
 
 @compiled(error_model="numpy")
-def window_of(
-    first: int,
-    last: int,
-    azimuths: F64,
-    elevations: F64,
-    origins: F64,
-    rotations: F64,
-    place: F64,
-    shape: F64,
-    half: F64,
-    max_m: float,
-    window: I64,
-) -> bool:
+def window_of(first: int, last: int, beams: Beams, place: F64, shape: F64, half: F64, window: I64) -> bool:
     """The columns and rings of a block that can meet a box (from, behind, from, behind); False if none."""
+    azimuths, elevations, origins, rotations, max_m = beams
     middle = (first + last) // 2
     origin, rotation = origins[middle], rotations[middle]
     rings = len(elevations)

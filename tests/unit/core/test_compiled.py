@@ -15,14 +15,23 @@ import pytest
 from robot_stack.core import compiled as module
 
 FILES = {
-    "loops_constants.py": "from enum import IntEnum\nGAIN = 2.0\nclass Row(IntEnum):\n    FIRST = 3\n",
+    "loops_constants.py": """
+from enum import IntEnum
+from typing import NamedTuple
+GAIN = 2.0
+class Row(IntEnum):
+    FIRST = 3
+class Pair(NamedTuple):
+    one: float
+    two: float
+""",
     "loops_numbers.py": "OFFSET = 10.0\n",
     "loops_callee.py": """
-from loops_constants import GAIN, Row
+from loops_constants import GAIN, Pair, Row
 from robot_stack.core.compiled import compiled
 @compiled(inline="always")
 def scaled(x):
-    return GAIN * x + (3.0 if Row.FIRST == 3 else 5.0)
+    return GAIN * Pair(x, 0.0).one + (3.0 if Row.FIRST == 3 else 5.0)
 """,
     "loops_caller.py": """
 import loops_numbers
@@ -76,9 +85,10 @@ def test_second_process_loads_the_code_of_the_first(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "old", "new", "result"),
     [
-        ("loops_callee.py", "GAIN * x", "GAIN * x * x", 31.0),
+        ("loops_callee.py", "GAIN *", "GAIN * x *", 31.0),
         ("loops_constants.py", "GAIN = 2.0", "GAIN = 7.0", 34.0),
         ("loops_constants.py", "FIRST = 3", "FIRST = 5", 21.0),
+        ("loops_constants.py", "one: float\n    two", "two: float\n    one", 13.0),
         ("loops_numbers.py", "OFFSET = 10.0", "OFFSET = 20.0", 29.0),
         ("loops_caller.py", "+ loops_numbers", "- loops_numbers", -1.0),
     ],
