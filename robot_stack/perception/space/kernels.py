@@ -1,13 +1,12 @@
 """Compiled loops over the cells of the space.
 
-Grids are (rows, columns), row 0 at the lowest y. ``corner`` (2,) names the cell of row 0, column 0 by the integers
-floor(x / cell) and floor(y / cell) in odom. ``pose`` (4,): x, y, cos and sin of the yaw of base_link in odom.
+Grids are (rows, columns), row 0 at the lowest y.
 """
 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,55 @@ Floats = NDArray[np.float64]
 Float = NDArray[np.float32]
 Corner = NDArray[np.int64]
 
+
+class Layers(NamedTuple):
+    """What is known of each cell, (rows, columns); times in s, -inf for never.
+
+    passes: consecutive views with a ray through an occupied cell. last: (rows, columns, 3) the highest return of the
+    last view that hit the cell: place in the cell, and height above the ground. thing_m: of the object it is part of:
+    the highest return near it. under_m: the lowest such return since the cell became occupied, at since_s.
+    found: it was unseen before: the object may have stood there. hit_at_m: the robot's travel at hit_s.
+    ray_m, ray_s: height of the lowest recent ray of any sensor, and its time. watched_s: of the last low ray.
+    freed_s: when rays last freed it. held_s: when returns beside it kept it. stood_s: when ``stand`` occupied it.
+    """
+
+    state: Cells
+    passes: Any
+    last: Float
+    thing_m: Float
+    under_m: Float
+    found: Any
+    hit_at_m: Floats
+    ray_m: Float
+    hit_s: Floats
+    since_s: Floats
+    ray_s: Floats
+    watched_s: Floats
+    freed_s: Floats
+    held_s: Floats
+    stood_s: Floats
+
+
+class Where(NamedTuple):
+    """corner: (2,) the cell of row 0, column 0, by the integers floor(x / cell) and floor(y / cell) in odom.
+    pose: (4,) x, y, cos and sin of the yaw of base_link in odom.
+    """
+
+    corner: Corner
+    cell_m: float
+    pose: Floats
+
+
+class Rays(NamedTuple):
+    """Of a view: see ``View``."""
+
+    origin: Floats
+    up: float
+    ground: Float
+    passed: Float
+    bare: Any
+
+
 UNSEEN, FREE, OCCUPIED = np.int8(-1), np.int8(0), np.int8(100)
 # Indices in ``limits``, used by ``look``.
 PASSES, MARGIN_M, FREE_BELOW_M, WATCHED_BELOW_M, MEMORY_M, LOW_M = range(6)
@@ -30,33 +78,17 @@ _SPECK = 3  # fewer unseen cells around an unseen one: a gap between rays, too s
 
 @compiled(error_model="numpy")
 def mark(
-    state: Cells,
-    passes: Any,
-    thing_m: Float,
-    under_m: Float,
-    hit_s: Floats,
-    hit_at_m: Floats,
-    since_s: Floats,
-    found: Any,
-    last: Float,
-    corner: Corner,
-    cell_m: float,
-    pose: Floats,
-    hits: Float,
-    origin: Floats,
-    ground: Float,
-    own: Floats,
-    thing_cells: int,
-    now_s: float,
-    travel_m: float,
+    layers: Layers, where: Where, rays: Rays, hits: Float, own: Floats, thing_cells: int, now_s: float, travel_m: float
 ) -> None:
     """Makes the cells of returns occupied.
 
-    since_s: (rows, columns) when a cell became occupied. found: it was unseen before: the object may have stood there.
-    last: (rows, columns, 3) the highest return of the last view that hit the cell: place in the cell, and height
-    above the ground. thing_m: of the object it is part of: the highest return within ``thing_cells``, because a foot
-    belongs to the body above it. under_m: the lowest such return since the cell became occupied.
+    thing_m: the highest return within ``thing_cells``, because a foot belongs to the body above it.
     """
+    state, passes, thing_m, under_m = layers.state, layers.passes, layers.thing_m, layers.under_m
+    hit_s, hit_at_m, since_s, found = layers.hit_s, layers.hit_at_m, layers.since_s, layers.found
+    last = layers.last
+    corner, cell_m, pose = where
+    origin, ground = rays.origin, rays.ground
     rows, columns = state.shape
     directions, bins = ground.shape
     lowest = np.full((rows, columns), np.inf, np.float32)
@@ -100,23 +132,14 @@ def mark(
 
 
 @compiled(error_model="numpy")
-def appeared(
-    state: Cells,
-    since_s: Floats,
-    found: Any,
-    corner: Corner,
-    cell_m: float,
-    pose: Floats,
-    hits: Float,
-    apart: int,
-    after_s: float,
-    out: Floats,
-) -> int:
+def appeared(layers: Layers, where: Where, hits: Float, apart: int, after_s: float, out: Floats) -> int:
     """Returns in cells that became occupied after ``after_s``, without older obstacles within ``apart`` cells.
 
     Call ``mark`` first. hits: (n, 3) base_link. out: (n, 5) of each cell the mean return, x and y in
     odom and z, 1 if the cell was free before and 0 if unseen, and the number of returns. Returns the number of cells.
     """
+    state, since_s, found = layers.state, layers.since_s, layers.found
+    corner, cell_m, pose = where
     rows, columns = state.shape
     count, index = 0, np.zeros((rows, columns), np.int32)  # index of a cell in out, from 1, -1: not new
     for i in range(len(hits)):
@@ -153,30 +176,17 @@ def appeared(
 
 @compiled(error_model="numpy")
 def stand(
-    state: Cells,
-    passes: Any,
-    thing_m: Float,
-    under_m: Float,
-    hit_s: Floats,
-    hit_at_m: Floats,
-    since_s: Floats,
-    stood_s: Floats,
-    ray_s: Floats,
-    ray_m: Float,
-    last: Float,
-    corner: Corner,
-    cell_m: float,
-    points: Floats,
-    below_m: float,
-    unwatched_s: float,
-    now_s: float,
-    travel_m: float,
+    layers: Layers, where: Where, points: Floats, below_m: float, unwatched_s: float, now_s: float, travel_m: float
 ) -> None:
     """Makes the cells of points (n, 3), x and y in odom, occupied where no ray lower than ``below_m`` has passed since
     ``unwatched_s``.
 
-    They count as observed in ``hit_s``, without a return. stood_s: (rows, columns) when a cell became occupied so.
+    They count as observed in ``hit_s``, without a return.
     """
+    state, passes, thing_m, under_m = layers.state, layers.passes, layers.thing_m, layers.under_m
+    hit_s, hit_at_m, since_s, stood_s = layers.hit_s, layers.hit_at_m, layers.since_s, layers.stood_s
+    ray_s, ray_m, last = layers.ray_s, layers.ray_m, layers.last
+    corner, cell_m, _ = where
     rows, columns = state.shape
     for i in range(len(points)):
         across, along = points[i, 0] / cell_m - corner[0], points[i, 1] / cell_m - corner[1]
@@ -193,12 +203,12 @@ def stand(
 
 
 @compiled(error_model="numpy")
-def hold(
-    state: Cells, passes: Any, held_s: Floats, corner: Corner, cell_m: float, pose: Floats, specks: Float, now_s: float
-) -> None:
+def hold(layers: Layers, where: Where, specks: Float, now_s: float) -> None:
     """Resets the passes through an occupied cell while there are returns from it or right beside it.
 
-    Call before ``look``. specks: (n, 3) base_link, m. held_s: (rows, columns) when a cell was kept so."""
+    Call before ``look``. specks: (n, 3) base_link, m."""
+    state, passes, held_s = layers.state, layers.passes, layers.held_s
+    corner, cell_m, pose = where
     rows, columns = state.shape
     for i in range(len(specks)):
         x, y = specks[i, 0], specks[i, 1]
@@ -214,39 +224,21 @@ def hold(
 
 @compiled(error_model="numpy")
 def look(
-    state: Cells,
-    passes: Any,
-    thing_m: Float,
-    under_m: Float,
-    hit_s: Floats,
-    hit_at_m: Floats,
-    watched_s: Floats,
-    freed_s: Floats,
-    ray_s: Floats,
-    ray_m: Float,
-    corner: Corner,
-    cell_m: float,
-    pose: Floats,
-    origin: Floats,
-    up: float,
-    ground: Float,
-    passed: Float,
-    bare: Any,
-    own: Floats,
-    limits: Floats,
-    lasts_s: float,
-    now_s: float,
-    travel_m: float,
+    layers: Layers, where: Where, rays: Rays, own: Floats, limits: Floats, lasts_s: float, now_s: float, travel_m: float
 ) -> None:
     """Updates the cells by the rays of one view; call ``mark`` before and ``fade`` after it.
 
-    ray_m, ray_s: (rows, columns) height of the lowest recent ray, for ``lasts_s``, and its time, of any sensor.
-    freed_s: (rows, columns) when rays last freed a cell.
+    A ray is recent for ``lasts_s``.
 
-    own: rear, front, half width of the robot's own place, m, which is free. up, ground, passed, bare: as in
-    ``View``. No ray passes below the top of an object hardly higher than the ground: ground observed in its place
-    frees it. Where the sensor's highest beam is lower than an object, rays below its top do not free it.
+    own: rear, front, half width of the robot's own place, m, which is free. No ray passes below the top of an object
+    hardly higher than the ground: ground observed in its place frees it. Where the sensor's highest beam is lower than
+    an object, rays below its top do not free it.
     """
+    state, passes, thing_m, under_m = layers.state, layers.passes, layers.thing_m, layers.under_m
+    hit_s, hit_at_m, watched_s, freed_s = layers.hit_s, layers.hit_at_m, layers.watched_s, layers.freed_s
+    ray_s, ray_m = layers.ray_s, layers.ray_m
+    corner, cell_m, pose = where
+    origin, up, ground, passed, bare = rays
     rows, columns = state.shape
     directions, bins = passed.shape
     per_rad, half_m = np.float32(directions / (2.0 * math.pi)), np.float32(0.71 * cell_m)
@@ -302,17 +294,8 @@ def look(
 
 @compiled(error_model="numpy")
 def vanished(
-    state: Cells,
-    thing_m: Float,
-    hit_s: Floats,
-    since_s: Floats,
-    held_s: Floats,
-    freed_s: Floats,
-    ray_s: Floats,
-    ray_m: Float,
-    corner: Corner,
-    cell_m: float,
-    pose: Floats,
+    layers: Layers,
+    where: Where,
     own: Floats,
     limits: Floats,
     apart: int,
@@ -331,6 +314,9 @@ def vanished(
     a place within ``near`` cells is passed above the object, or above a person, only. lasts_s: age of recent rays.
     out: (n, 3) x, y in odom and the height of the object. Returns their number.
     """
+    state, thing_m, hit_s, since_s = layers.state, layers.thing_m, layers.hit_s, layers.since_s
+    held_s, freed_s = layers.held_s, layers.freed_s
+    corner, cell_m, _ = where
     rows, columns = state.shape
     count = 0
     for row in range(moved + apart, rows - moved - apart):
@@ -341,9 +327,9 @@ def vanished(
             if top <= limits[LOW_M] or count >= len(out):
                 continue
             x, y = (column + corner[0] + 0.5) * cell_m, (row + corner[1] + 0.5) * cell_m
-            if not _hides(ray_s, ray_m, corner, cell_m, pose, own, x, y, top, near, limits, now_s - lasts_s):
+            if not _hides(layers, where, own, x, y, top, near, limits, now_s - lasts_s):
                 continue
-            if _goes_on(state, hit_s, since_s, row, column, near, moved, apart, hit, now_s - lasts_s):
+            if _goes_on(layers, row, column, near, moved, apart, hit, now_s - lasts_s):
                 continue
             out[count, 0], out[count, 1], out[count, 2] = x, y, top
             count += 1
@@ -352,21 +338,12 @@ def vanished(
 
 @compiled(error_model="numpy")
 def _hides(
-    ray_s: Floats,
-    ray_m: Float,
-    corner: Corner,
-    cell_m: float,
-    pose: Floats,
-    own: Floats,
-    x: float,
-    y: float,
-    top: float,
-    near: int,
-    limits: Floats,
-    since_s: float,
+    layers: Layers, where: Where, own: Floats, x: float, y: float, top: float, near: int, limits: Floats, since_s: float
 ) -> bool:
     """True if on the way from (x, y) to the robot's own place a stretch of ``near`` cells, or all that is left, begins
     at most ``near`` cells away in which no ray is low enough: more than the gap between two rings."""
+    ray_s, ray_m = layers.ray_s, layers.ray_m
+    corner, cell_m, pose = where
     dx, dy = x - pose[0], y - pose[1]
     u, v = pose[2] * dx + pose[3] * dy, pose[2] * dy - pose[3] * dx
     to_u, to_v = min(max(u, own[0]), own[1]) - u, min(max(v, -own[2]), own[2]) - v
@@ -391,19 +368,11 @@ def _hides(
 
 @compiled(error_model="numpy")
 def _goes_on(
-    state: Cells,
-    hit_s: Floats,
-    since_s: Floats,
-    row: int,
-    column: int,
-    near: int,
-    moved: int,
-    apart: int,
-    hit: float,
-    fresh_s: float,
+    layers: Layers, row: int, column: int, near: int, moved: int, apart: int, hit: float, fresh_s: float
 ) -> bool:
     """True if there are returns since ``fresh_s`` within ``near`` cells, or within ``moved`` cells returns from cells
     occupied since the ``hit``, with nothing older within ``apart`` cells: the object is seen there."""
+    state, hit_s, since_s = layers.state, layers.hit_s, layers.since_s
     for r in range(row - moved, row + moved + 1):
         for c in range(column - moved, column + moved + 1):
             if state[r, c] != OCCUPIED or hit_s[r, c] < fresh_s:
@@ -451,13 +420,14 @@ def _bearings(
 
 
 @compiled(error_model="numpy")
-def fade(state: Cells, watched_s: Floats, enter_cells: int, fade_s: float, now_s: float, stack: Corner) -> None:
+def fade(layers: Layers, enter_cells: int, fade_s: float, now_s: float, stack: Corner) -> None:
     """Makes free cells unseen if no ray passes them any longer and a person could have entered them.
 
     A person enters such a cell from another unseen one, from beyond the grid, or from returns beside it, at most
     ``enter_cells`` away: a hollow within observed space, as before a passenger's knees, stays free until then.
     stack: (rows * columns,) memory.
     """
+    state, watched_s = layers.state, layers.watched_s
     rows, columns = state.shape
     hidden = np.empty((rows, columns), np.bool_)
     for row in range(rows):
@@ -492,10 +462,10 @@ def fade(state: Cells, watched_s: Floats, enter_cells: int, fade_s: float, now_s
 
 
 @compiled(error_model="numpy")
-def remembered(
-    state: Cells, last: Float, hit_s: Floats, corner: Corner, cell_m: float, pose: Floats, before_s: float, out: Float
-) -> int:
+def remembered(layers: Layers, where: Where, before_s: float, out: Float) -> int:
     """Occupied cells whose last hit is before ``before_s``: (n, 3) base_link, that hit. Returns their number."""
+    state, last, hit_s = layers.state, layers.last, layers.hit_s
+    corner, cell_m, pose = where
     rows, columns = state.shape
     count = 0
     for row in range(rows):
@@ -511,8 +481,10 @@ def remembered(
 
 
 @compiled(error_model="numpy")
-def frontier(state: Cells, corner: Corner, cell_m: float, pose: Floats, radius_m: float, out: Float) -> int:
+def frontier(layers: Layers, where: Where, radius_m: float, out: Float) -> int:
     """Unseen cells beside free ones: (n, 3) base_link, z 0. Returns their number."""
+    state = layers.state
+    corner, cell_m, pose = where
     rows, columns = state.shape
     count = 0
     for row in range(1, rows - 1):

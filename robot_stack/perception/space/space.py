@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -18,10 +19,15 @@ from robot_stack.core.pose_history import StepLimit
 from robot_stack.core.robot import Footprint, Robot
 from robot_stack.perception.params import MovingObjectParams, SpaceParams
 from robot_stack.perception.space import kernels
-from robot_stack.perception.space.kernels import OCCUPIED, UNSEEN, Cells, Float, Floats
+from robot_stack.perception.space.kernels import OCCUPIED, UNSEEN, Cells, Float, Floats, Layers, Rays, Where
 from robot_stack.perception.space.rolling import rolled
 from robot_stack.perception.space.view import View
 
+# Contents of a layer where nothing is known; of the others, -inf.
+_EMPTY: dict[str, Any] = {
+    **{"state": UNSEEN, "passes": np.uint8(0), "found": np.False_},
+    **dict.fromkeys(("last", "thing_m", "under_m", "ray_m"), np.float32(0.0)),
+}
 _MOST_POINTS = 8000
 _STEP_S = 0.05
 _STANDS_M = 0.02
@@ -55,15 +61,12 @@ class Space:
         self._steps = StepLimit(*fastest, params.jump_m, params.jump_rad)
         count = round(params.size_m / params.cell_m)
         self._corner = np.zeros(2, np.int64)
-        self._state: Cells = np.full((count, count), UNSEEN, np.int8)
-        self._passes = np.zeros((count, count), np.uint8)
-        self._thing_m, self._under_m = (np.zeros((count, count), np.float32) for _ in range(2))
-        self._last = np.zeros((count, count, 3), np.float32)
-        self._ray_m = np.zeros((count, count), np.float32)
-        self._hit_s, self._hit_at_m, self._watched_s, self._ray_s, self._since_s, self._freed_s, self._held_s = (
-            np.full((count, count), -math.inf) for _ in range(7)
+        self._layers = Layers(
+            *(
+                np.full((count, count, 3) if name == "last" else (count, count), _EMPTY.get(name, -math.inf))
+                for name in Layers._fields
+            )
         )
-        self._stood_s = np.full((count, count), -math.inf)
         self._limits = np.array(
             [
                 params.passes,
@@ -81,7 +84,6 @@ class Space:
         self._stands_since_s = -math.inf
         self._chair = False
         self._points = np.empty((_MOST_POINTS, 3), np.float32)
-        self._found = np.zeros((count, count), np.bool_)
         self._stack = np.empty(count * count, np.int64)
 
     def chair(self, attached: bool) -> None:
@@ -93,14 +95,14 @@ class Space:
         if self._pose is not None:
             margin_m = self._params.attach_margin_m if attached else 0.0
             rect = _rectangle(self._robot.footprint_with_chair, margin_m)
-            kernels.fill(self._state, self._corner, self._params.cell_m, _array(self._pose), rect, kernels.UNSEEN)
+            kernels.fill(self._layers.state, *self._where(self._pose), rect, kernels.UNSEEN)
 
     def forget(self) -> None:
         """Makes all cells unseen."""
-        self._state[:] = UNSEEN
-        times = self._hit_s, self._watched_s, self._ray_s, self._since_s, self._freed_s, self._held_s, self._stood_s
-        for grid in times:  # the clock may have been set back
-            grid[:] = -math.inf
+        self._layers.state[:] = UNSEEN
+        for name, layer in self._layers._asdict().items():
+            if name.endswith("_s"):  # a time: the clock may have been set back
+                layer[:] = -math.inf
         self._pose, self._newest_s, self._stands_at = None, -math.inf, None
 
     def has_jumped(self, pose: Pose2, stamp_s: float) -> bool:
@@ -122,55 +124,19 @@ class Space:
             self._newest_s = view.stamp_s
         now_s = self._newest_s
         footprint = self._robot.footprint_with_chair if self._chair else self._robot.footprint
-        at, own, origin = _array(pose), _rectangle(footprint, 0.0), np.array(view.origin_m, np.float64)
-        p, cell_m = self._params, self._params.cell_m
-        cells = (self._state, self._passes, self._thing_m, self._under_m, self._hit_s, self._hit_at_m)
+        where, own = self._where(pose), _rectangle(footprint, 0.0)
+        rays = Rays(np.array(view.origin_m, np.float64), view.up, view.ground_m, view.passed_m, view.bare)
+        p, layers = self._params, self._layers
         hits = np.ascontiguousarray(view.hits, np.float32)
-        near_cells = round(p.thing_m / cell_m)
-        kernels.mark(
-            *cells,
-            self._since_s,
-            self._found,
-            self._last,
-            self._corner,
-            cell_m,
-            at,
-            hits,
-            origin,
-            view.ground_m,
-            own,
-            near_cells,
-            now_s,
-            self._travel_m,
-        )
-        kernels.hold(self._state, self._passes, self._held_s, self._corner, cell_m, at, view.specks, now_s)
-        kernels.look(
-            *cells,
-            self._watched_s,
-            self._freed_s,
-            self._ray_s,
-            self._ray_m,
-            self._corner,
-            cell_m,
-            at,
-            origin,
-            view.up,
-            view.ground_m,
-            view.passed_m,
-            view.bare,
-            own,
-            self._limits,
-            0.5 * p.fade_s,
-            now_s,
-            self._travel_m,
-        )
-        enter_cells = round(p.enter_m / cell_m)
-        kernels.fade(self._state, self._watched_s, enter_cells, p.fade_s, now_s, self._stack)
+        near_cells = round(p.thing_m / p.cell_m)
+        kernels.mark(layers, where, rays, hits, own, near_cells, now_s, self._travel_m)
+        kernels.hold(layers, where, view.specks, now_s)
+        kernels.look(layers, where, rays, own, self._limits, 0.5 * p.fade_s, now_s, self._travel_m)
+        kernels.fade(layers, round(p.enter_m / p.cell_m), p.fade_s, now_s, self._stack)
 
     def remembered(self, pose: Pose2, before_s: float) -> Float:
         """(n, 3) base_link at ``pose``: occupied cells with the last hit before ``before_s``; z above ground."""
-        cells = (self._state, self._last, self._hit_s, self._corner, self._params.cell_m)
-        count = kernels.remembered(*cells, _array(pose), before_s, self._points)
+        count = kernels.remembered(self._layers, self._where(pose), before_s, self._points)
         return self._points[:count].copy()
 
     def appeared(self, view: View, pose: Pose2) -> Floats:
@@ -192,20 +158,16 @@ class Space:
         """after_s: cells occupied later are new."""
         p = self._params
         hits, out = np.ascontiguousarray(view.hits, np.float32), np.empty((len(view.hits), 5))
-        cells = (self._state, self._since_s, self._found, self._corner, p.cell_m)
         apart = round(p.moving_objects.apart_m / p.cell_m)
-        return out[: kernels.appeared(*cells, _array(pose), hits, apart, after_s, out)]
+        return out[: kernels.appeared(self._layers, self._where(pose), hits, apart, after_s, out)]
 
     def vanished(self, pose: Pose2) -> Floats:
         """(n, 3) x, y in odom and height: places before unobserved space in which the last view lost an object that did
         not go on in view. It is in that space, however slow it was. Call ``observe`` first."""
         p, out = self._params, np.empty((_MOST_VANISHED, 3))
         count = kernels.vanished(
-            *(self._state, self._thing_m, self._hit_s, self._since_s, self._held_s, self._freed_s),
-            *(self._ray_s, self._ray_m),
-            self._corner,
-            p.cell_m,
-            _array(pose),
+            self._layers,
+            self._where(pose),
             self._beside(),
             self._limits,
             round(p.moving_objects.apart_m / p.cell_m),
@@ -229,12 +191,12 @@ class Space:
 
     def _is_passed(self, x_m: float, y_m: float, height_m: float) -> bool:
         """True if the lowest recent rays at that place in odom are no higher than ``height_m``."""
-        cell_m, count = self._params.cell_m, len(self._state)
+        cell_m, count = self._params.cell_m, len(self._layers.state)
         column, row = math.floor(x_m / cell_m) - self._corner[0], math.floor(y_m / cell_m) - self._corner[1]
         inside = 0 <= row < count and 0 <= column < count
-        if not inside or self._ray_s[row, column] < self._newest_s - 0.5 * self._params.fade_s:
+        if not inside or self._layers.ray_s[row, column] < self._newest_s - 0.5 * self._params.fade_s:
             return False
-        return bool(self._ray_m[row, column] <= height_m)
+        return bool(self._layers.ray_m[row, column] <= height_m)
 
     def mark_slow_hidden_body(self, body: Floats, vx_mps: float, vy_mps: float, pose: Pose2) -> None:
         """As ``mark_hidden_body``, and, if it approaches, also straight towards the footprint.
@@ -254,7 +216,7 @@ class Space:
         p, top_m = self._params, float(body[:, 2].max())
         around = round(p.moving_objects.apart_m / p.cell_m)
         cells = np.floor(body[:, [1, 0]] / p.cell_m).astype(np.int64) - self._corner[::-1]
-        fresh = (self._state == OCCUPIED) & (self._hit_s >= self._newest_s - 0.5 * p.fade_s)
+        fresh = (self._layers.state == OCCUPIED) & (self._layers.hit_s >= self._newest_s - 0.5 * p.fade_s)
         returned = [
             bool(fresh[max(r - around, 0) : r + around + 1, max(c - around, 0) : c + around + 1].any())
             for r, c in cells.tolist()
@@ -312,11 +274,8 @@ class Space:
         # Only a ray that would detect the object here clears it: a tall one, a person, may bend down.
         at[:, 2] = np.minimum(at[:, 2], shows_m + p.top_margin_m)
         kernels.stand(
-            *(self._state, self._passes, self._thing_m, self._under_m, self._hit_s, self._hit_at_m, self._since_s),
-            *(self._stood_s, self._ray_s, self._ray_m),
-            self._last,
-            self._corner,
-            p.cell_m,
+            self._layers,
+            self._where(pose),
             at,
             shows_m,
             self._newest_s - 0.5 * p.fade_s,
@@ -335,15 +294,14 @@ class Space:
 
     def frontier(self, pose: Pose2) -> Float:
         """(n, 3) base_link at ``pose``: where the observed and stored space ends, z 0."""
-        cells = (self._state, self._corner, self._params.cell_m)
-        count = kernels.frontier(*cells, _array(pose), 0.5 * self._params.size_m, self._points)
+        count = kernels.frontier(self._layers, self._where(pose), 0.5 * self._params.size_m, self._points)
         return self._points[:count].copy()
 
     def grid(self) -> SpaceGrid:
         """The present grid; the arrays change with the next view."""
         x, y = (float(self._corner[axis] * self._params.cell_m) for axis in (0, 1))
-        returned_s = np.where(self._hit_s == self._stood_s, -math.inf, self._hit_s)
-        return SpaceGrid(self._state, (x, y), self._params.cell_m, returned_s, self._since_s)
+        returned_s = np.where(self._layers.hit_s == self._layers.stood_s, -math.inf, self._layers.hit_s)
+        return SpaceGrid(self._layers.state, (x, y), self._params.cell_m, returned_s, self._layers.since_s)
 
     def _move_to(self, pose: Pose2, stamp_s: float) -> None:
         before = self._pose
@@ -359,26 +317,17 @@ class Space:
 
     def _centre_on(self, pose: Pose2) -> None:
         """Rolls so that ``pose`` is in the middle. Cells that leave the grid are dropped, new cells are unseen."""
-        half, cell_m = len(self._state) // 2, self._params.cell_m
+        half, cell_m = len(self._layers.state) // 2, self._params.cell_m
         corner = np.array([math.floor(pose.x / cell_m) - half, math.floor(pose.y / cell_m) - half], np.int64)
         columns, rows = (int(step) for step in corner - self._corner)
         self._corner = corner
         if rows or columns:
-            self._state = rolled(self._state, rows, columns, float(UNSEEN))
-            self._passes = rolled(self._passes, rows, columns, 0.0)
-            self._thing_m = rolled(self._thing_m, rows, columns, 0.0)
-            self._under_m = rolled(self._under_m, rows, columns, 0.0)
-            self._last = rolled(self._last, rows, columns, 0.0)
-            self._since_s = rolled(self._since_s, rows, columns, -math.inf)
-            self._found = rolled(self._found, rows, columns, 0.0)
-            self._hit_s = rolled(self._hit_s, rows, columns, -math.inf)
-            self._hit_at_m = rolled(self._hit_at_m, rows, columns, -math.inf)
-            self._watched_s = rolled(self._watched_s, rows, columns, -math.inf)
-            self._freed_s = rolled(self._freed_s, rows, columns, -math.inf)
-            self._held_s = rolled(self._held_s, rows, columns, -math.inf)
-            self._stood_s = rolled(self._stood_s, rows, columns, -math.inf)
-            self._ray_s = rolled(self._ray_s, rows, columns, -math.inf)
-            self._ray_m = rolled(self._ray_m, rows, columns, 0.0)
+            empty = (float(_EMPTY.get(name, -math.inf)) for name in Layers._fields)
+            pairs = zip(self._layers, empty, strict=True)
+            self._layers = Layers(*(rolled(layer, rows, columns, value) for layer, value in pairs))
+
+    def _where(self, pose: Pose2) -> Where:
+        return Where(self._corner, self._params.cell_m, _array(pose))
 
 
 def _array(pose: Pose2) -> Floats:
