@@ -7,8 +7,7 @@ home offsets are handled by the engine.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Final, Protocol
+from typing import Final, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +17,7 @@ MODE_VELOCITY: Final = 1
 MODE_TORQUE: Final = 2
 
 
-@dataclass(slots=True)
-class DriveCommands:
+class DriveCommands(NamedTuple):
     """Engine to drives; arrays of length ``n_axes``, except ``outputs``.
 
     ``position_counts`` and ``velocity_counts_per_s`` are both always valid. In position mode the velocity is
@@ -47,8 +45,7 @@ class DriveCommands:
         )
 
 
-@dataclass(slots=True)
-class DriveFeedback:
+class DriveFeedback(NamedTuple):
     """Drives to engine; arrays of length ``n_axes``, except ``inputs``. ``alarm_code`` 0 means no alarm.
 
     ``torque_percent`` is in percent of rated torque, positive in the drive's positive direction.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from robot_stack.core.compiled import compiled
+from robot_stack.wmx.bus import DriveCommands
 from sim.plant.drive_loops import (
     ALARM,
     ON,
@@ -100,11 +101,7 @@ def step_joints(
     qvel: Matrix,
     load: Matrix,
     qvel_index: NDArray[np.int64],
-    servo_on: NDArray[np.bool_],
-    mode: NDArray[np.int8],
-    position_counts: NDArray[np.int64],
-    speed_counts_per_s: Matrix,
-    clear: NDArray[np.bool_],
+    commands: DriveCommands,
     blocked: NDArray[np.bool_],
     preset: float,
     p: Matrix,
@@ -118,11 +115,12 @@ def step_joints(
     share of the load that a motor takes over before its brake opens. torque_out (axes,) takes the motors' torques,
     friction_out (degrees of freedom,) the dry friction of each joint.
     """
+    mode = commands.mode
     for i in range(qvel_index.shape[0]):
         joint = qvel_index[i]
-        target = (position_counts[i] + 0.5) * p[P_RAD_PER_COUNT, i]
-        speed = speed_counts_per_s[i] * p[P_RAD_PER_COUNT, i]
-        _supervise(i, dt, servo_on[i], mode[i], target, speed, clear[i], p, s)
+        target = (commands.position_counts[i] + 0.5) * p[P_RAD_PER_COUNT, i]
+        speed = commands.velocity_counts_per_s[i] * p[P_RAD_PER_COUNT, i]
+        _supervise(i, dt, commands.servo_on[i], mode[i], target, speed, commands.clear_alarm[i], p, s)
         torque = _torque(i, dt, mode[i], target, speed, load[joint], preset, p, s)
         if s[S_STATE, i] == ON or s[S_STATE, i] == STOPPING:
             s[S_TORQUE_COMMAND, i] = torque

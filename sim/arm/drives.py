@@ -11,12 +11,13 @@ from robot_stack.wmx.bus import DriveCommands, DriveFeedback
 from sim.arm.drive_kernel import observe_joints, step_joints
 from sim.arm.params import N_JOINTS, ArmParams
 from sim.plant import drive_loops as loops
-from sim.plant.drives import JointIndex
+from sim.plant.drive_loops import JointIndex
+from sim.plant.drives import Drives
 
 _TURN_RAD = 2.0 * math.pi
 
 
-class ArmDrives:
+class ArmDrives(Drives):
     """Six drives on a synchronous bus: commands of ``exchange`` act in the following cycle, and it returns the
     measurements of the end of the last one.
 
@@ -29,12 +30,9 @@ class ArmDrives:
     def __init__(self, params: ArmParams, dt_s: float) -> None:
         self._dt_s = dt_s
         self._preset = params.drives.brake_preset
-        self._p = drive_parameters(params, dt_s)
-        self._s = np.zeros((loops.N_STATES, N_JOINTS))
-        self._s[loops.S_BRAKE_CLOSED] = 1.0
+        super().__init__(drive_parameters(params, dt_s))
         self._commands = DriveCommands.zeros(N_JOINTS, 0)
         self._blocked = np.zeros(N_JOINTS, np.bool_)
-        self._bus_up = True
         self._output = (params.gripper.output_byte, params.gripper.output_bit)
         self._watchdog_s = params.drives.bus_watchdog_s
         self.gripper_closes = False
@@ -51,12 +49,12 @@ class ArmDrives:
         own.velocity_counts_per_s[:] = out.velocity_counts_per_s
         byte, bit = self._output
         self.gripper_closes = byte < out.outputs.size and bool(int(out.outputs[byte]) >> bit & 1)
-        self._s[loops.S_SILENCE] = 0.0
+        self._state[loops.S_SILENCE] = 0.0
         self._fill(inp)
         return True
 
     def _fill(self, inp: DriveFeedback) -> None:
-        s, p = self._s, self._p
+        s, p = self._state, self._parameters
         inp.position_counts[:] = s[loops.S_COUNT]
         np.divide(s[loops.S_SPEED], p[loops.P_RAD_PER_COUNT], out=inp.velocity_counts_per_s)
         direction = np.sign(p[loops.P_RAD_PER_COUNT])
@@ -68,13 +66,13 @@ class ArmDrives:
 
     def observe(self, qpos: NDArray[np.float64], index: JointIndex) -> None:
         """Reads the encoders at the end of a cycle."""
-        observe_joints(self._dt_s, qpos, index.qpos, self._p, self._s)
+        observe_joints(self._dt_s, qpos, index.qpos, self._parameters, self._state)
 
     def begin(self, qpos: NDArray[np.float64], index: JointIndex) -> None:
         """Initialises the observers by the absolute encoders at power-on."""
-        self._s[loops.S_ANGLE] = qpos[index.qpos]
+        self._state[loops.S_ANGLE] = qpos[index.qpos]
         self.observe(qpos, index)
-        self._s[loops.S_ANGLE], self._s[loops.S_SPEED] = qpos[index.qpos], 0.0
+        self._state[loops.S_ANGLE], self._state[loops.S_SPEED] = qpos[index.qpos], 0.0
 
     def step(
         self,
@@ -85,61 +83,27 @@ class ArmDrives:
         friction_out: NDArray[np.float64],
     ) -> None:
         """One cycle: motor torques into ``torque_out`` (6,), dry friction into ``friction_out`` (dofs,)."""
-        own = self._commands
         step_joints(
             self._dt_s,
             qvel,
             load_nm,
             index.qvel,
-            own.servo_on,
-            own.mode,
-            own.position_counts,
-            own.velocity_counts_per_s,
-            own.clear_alarm,
+            self._commands,
             self._blocked,
             self._preset,
-            self._p,
-            self._s,
+            self._parameters,
+            self._state,
             torque_out,
             friction_out,
         )
-        if self._s[loops.S_SILENCE, 0] > self._watchdog_s:
+        if self._state[loops.S_SILENCE, 0] > self._watchdog_s:
             self.gripper_closes = False  # outputs of an I/O terminal without communication go off
 
     # --- faults ---------------------------------------------------------------------------------------------------
 
-    def set_bus(self, up: bool) -> None:
-        """Connects or cuts the bus."""
-        self._bus_up = up
-
-    def set_alarm(self, axis: int, code: int) -> None:
-        """A fault inside the drive that lasts until it is set to 0; the alarm then waits to be cleared."""
-        self._s[loops.S_INJECTED_ALARM, axis] = code
-
-    def set_encoder_frozen(self, axis: int, frozen: bool) -> None:
-        """A frozen encoder repeats its last count."""
-        self._s[loops.S_FROZEN, axis] = frozen
-
     def set_blocked(self, axis: int, blocked: bool) -> None:
         """Blocks a joint, or releases it; a blocked joint does not turn under any motor torque."""
         self._blocked[axis] = blocked
-
-    # --- what the world may know ----------------------------------------------------------------------------------
-
-    @property
-    def torques_nm(self) -> NDArray[np.float64]:
-        """(6,) torque of each motor at its joint."""
-        return np.array(self._s[loops.S_TORQUE])
-
-    @property
-    def alarm_codes(self) -> NDArray[np.float64]:
-        """(6,) alarm codes, 0 = none."""
-        return np.array(self._s[loops.S_ALARM_CODE])
-
-    @property
-    def brakes_closed(self) -> NDArray[np.bool_]:
-        """(6,) which brakes are closed."""
-        return np.asarray(self._s[loops.S_BRAKE_CLOSED] > 0.0)
 
 
 def drive_parameters(params: ArmParams, dt_s: float) -> NDArray[np.float64]:

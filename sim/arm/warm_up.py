@@ -7,7 +7,7 @@ import numpy as np
 from robot_stack.core.config import load
 from sim.arm.drives import ArmDrives
 from sim.arm.params import N_JOINTS, ArmParams
-from sim.plant.drives import JointIndex
+from sim.plant.drive_loops import JointIndex
 
 _CYCLE_S = 0.001
 

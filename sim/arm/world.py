@@ -14,7 +14,7 @@ from sim.arm.drives import ArmDrives
 from sim.arm.faults import FAULT_KINDS
 from sim.arm.model import FINGERS, write_arm
 from sim.arm.params import N_JOINTS, ArmParams
-from sim.plant.drives import JointIndex
+from sim.plant.drive_loops import JointIndex
 from sim.plant.fault_table import FaultKind
 from sim.plant.world import SimulationDiverged
 

@@ -12,11 +12,15 @@ torques Nm, times s, all at the joint.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from robot_stack.contract.frames import JOINTS
 from robot_stack.core.compiled import compiled
+from robot_stack.wmx.bus import DriveCommands, DriveFeedback
 
 Matrix = NDArray[np.float64]
 
@@ -93,6 +97,20 @@ ALARM_FOLLOWING_ERROR = 0x8611
 MODE_POSITION = 0
 # A commanded speed below this is a command to stand: less than one encoder count in ten cycles.
 STANDSTILL_RADPS = 0.02
+
+
+class JointIndex(NamedTuple):
+    """Where joints are in MuJoCo's qpos and qvel."""
+
+    qpos: NDArray[np.int64]
+    qvel: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, model: Any, names: Sequence[str] = JOINTS) -> JointIndex:
+        return cls(
+            np.array([model.joint(name).qposadr[0] for name in names], np.int64),
+            np.array([model.joint(name).dofadr[0] for name in names], np.int64),
+        )
 
 
 @compiled
@@ -239,13 +257,8 @@ def step_drives(
     dt: float,
     qpos: Matrix,
     qvel: Matrix,
-    qpos_index: NDArray[np.int64],
-    qvel_index: NDArray[np.int64],
-    servo_on: NDArray[np.bool_],
-    mode: NDArray[np.int8],
-    position_counts: NDArray[np.int64],
-    speed_counts_per_s: Matrix,
-    clear: NDArray[np.bool_],
+    index: JointIndex,
+    commands: DriveCommands,
     noise: Matrix,
     p: Matrix,
     s: Matrix,
@@ -254,15 +267,16 @@ def step_drives(
 ) -> None:
     """One cycle of all drives.
 
-    qpos, qvel with their index arrays give the true joint angles and speeds; noise is (axes,) standard normal;
+    qpos, qvel by index give the true joint angles and speeds; noise is (axes,) standard normal;
     torque_out (axes,) takes the joint torques, friction_out (degrees of freedom,) the dry friction of each joint.
     """
-    for i in range(qpos_index.shape[0]):
-        angle, true_speed = qpos[qpos_index[i]], qvel[qvel_index[i]]
+    mode = commands.mode
+    for i in range(index.qpos.shape[0]):
+        angle, true_speed = qpos[index.qpos[i]], qvel[index.qvel[i]]
         _observe(i, angle, dt, p, s)
-        target = (position_counts[i] + 0.5) * p[P_RAD_PER_COUNT, i]
-        speed = speed_counts_per_s[i] * p[P_RAD_PER_COUNT, i]
-        _supervise(i, dt, servo_on[i], mode[i], target, speed, clear[i], p, s)
+        target = (commands.position_counts[i] + 0.5) * p[P_RAD_PER_COUNT, i]
+        speed = commands.velocity_counts_per_s[i] * p[P_RAD_PER_COUNT, i]
+        _supervise(i, dt, commands.servo_on[i], mode[i], target, speed, commands.clear_alarm[i], p, s)
         requested = 0.0
         if _powered(i, s):
             requested = _speed_command(i, dt, mode[i], target, speed, p, s)
@@ -286,25 +300,17 @@ def step_drives(
         cogging = p[P_COGGING, i] * math.sin(p[P_COGGING_PER_REV, i] * angle + p[P_COGGING_PHASE, i])
         torque_out[i] = s[S_TORQUE, i] + ripple + cogging
         closed = s[S_BRAKE_CLOSED, i] * p[P_BRAKE_TORQUE, i]
-        friction_out[qvel_index[i]] = p[P_FRICTION, i] + closed
+        friction_out[index.qvel[i]] = p[P_FRICTION, i] + closed
         s[S_SILENCE, i] += dt
 
 
 @compiled
-def fill_feedback(
-    p: Matrix,
-    s: Matrix,
-    position_counts: NDArray[np.int64],
-    speed_counts_per_s: Matrix,
-    torque_percent: Matrix,
-    servo_on: NDArray[np.bool_],
-    alarm_code: NDArray[np.int32],
-) -> None:
-    """The drives' answers to a telegram, (axes,) each. Resets their silence."""
+def fill_feedback(p: Matrix, s: Matrix, read: DriveFeedback) -> None:
+    """The drives' answers to a telegram. Resets their silence."""
     for i in range(s.shape[1]):
-        position_counts[i] = int(s[S_COUNT, i])
-        speed_counts_per_s[i] = s[S_SPEED, i] / p[P_RAD_PER_COUNT, i]
-        torque_percent[i] = s[S_TORQUE, i] * (100.0 / p[P_RATED_TORQUE, i])
-        servo_on[i] = s[S_STATE, i] == ON
-        alarm_code[i] = int(s[S_ALARM_CODE, i])
+        read.position_counts[i] = int(s[S_COUNT, i])
+        read.velocity_counts_per_s[i] = s[S_SPEED, i] / p[P_RAD_PER_COUNT, i]
+        read.torque_percent[i] = s[S_TORQUE, i] * (100.0 / p[P_RATED_TORQUE, i])
+        read.servo_on[i] = s[S_STATE, i] == ON
+        read.alarm_code[i] = int(s[S_ALARM_CODE, i])
         s[S_SILENCE, i] = 0.0

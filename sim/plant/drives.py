@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +13,7 @@ from robot_stack.core.robot import Motor, Robot
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback
 from sim.params import PositionLoop, SimParams, SpeedLoop
 from sim.plant import drive_loops as loops
+from sim.plant.drive_loops import JointIndex
 from sim.plant.robot_model import Tolerances
 
 N_AXES = len(JOINTS)
@@ -24,7 +23,44 @@ _TURN_RAD = 2.0 * math.pi
 EDGE_RELAY = "relay"  # of the safety edge, beside the names of its sides
 
 
-class ServoDrives:
+class Drives:
+    """The state of drives on a bus, and their faults. Arrays are by joint."""
+
+    def __init__(self, parameters: NDArray[np.float64]) -> None:
+        self._parameters = parameters
+        self._state = np.zeros((loops.N_STATES, parameters.shape[1]))
+        self._state[loops.S_BRAKE_CLOSED] = parameters[loops.P_HAS_BRAKE]
+        self._bus_up = True
+
+    def set_bus(self, up: bool) -> None:
+        """Connects or cuts the bus."""
+        self._bus_up = up
+
+    def set_alarm(self, axis: int, code: int) -> None:
+        """A fault inside the drive that lasts until it is set to 0; the alarm then waits to be cleared."""
+        self._state[loops.S_INJECTED_ALARM, axis] = code
+
+    def set_encoder_frozen(self, axis: int, frozen: bool) -> None:
+        """A frozen encoder repeats its last count."""
+        self._state[loops.S_FROZEN, axis] = frozen
+
+    @property
+    def alarm_codes(self) -> NDArray[np.float64]:
+        """Alarm codes, 0 = none."""
+        return np.array(self._state[loops.S_ALARM_CODE])
+
+    @property
+    def brakes_closed(self) -> NDArray[np.bool_]:
+        """True for closed holding brakes; the robot's steering axes have none."""
+        return np.asarray(self._state[loops.S_BRAKE_CLOSED] > 0.0)
+
+    @property
+    def motor_torques_nm(self) -> NDArray[np.float64]:
+        """Torque of each motor at its joint, without cogging."""
+        return np.array(self._state[loops.S_TORQUE])
+
+
+class ServoDrives(Drives):
     """Eight drives on a bus with one cycle of latency each way.
 
     ``exchange`` is the engine's side (a ServoBus), ``step`` the world's. The engine sees positions in encoder counts,
@@ -42,15 +78,12 @@ class ServoDrives:
         self._random = random
         self._noise = np.zeros((0, N_AXES))
         self._noise_row = 0
-        self._parameters = drive_parameters(robot, params, tolerances, dt_s, random)
-        self._state = np.zeros((loops.N_STATES, N_AXES))
-        self._state[loops.S_BRAKE_CLOSED] = self._parameters[loops.P_HAS_BRAKE]
+        super().__init__(drive_parameters(robot, params, tolerances, dt_s, random))
         # A drive knows its angle at power-on: its observer must not begin with a jump.
         self._state[loops.S_ANGLE] = [robot.axes[joint].zero_rad for joint in JOINTS]
         self._received = DriveCommands.zeros(N_AXES, 0)
         self._active = DriveCommands.zeros(N_AXES, 0)
         self._fresh = False
-        self._bus_up = True
         self._estop = (robot.estop_input_byte, robot.estop_input_bit)
         self._latch = robot.latch
         self._inputs: dict[tuple[int, int], bool] = {self._estop: True}
@@ -82,15 +115,7 @@ class ServoDrives:
 
     def _fill(self, inp: DriveFeedback) -> None:
         read = inp if self._wiring.straight else self._by_joint
-        loops.fill_feedback(
-            self._parameters,
-            self._state,
-            read.position_counts,
-            read.velocity_counts_per_s,
-            read.torque_percent,
-            read.servo_on,
-            read.alarm_code,
-        )
+        loops.fill_feedback(self._parameters, self._state, read)
         if not self._wiring.straight:
             self._wiring.to_axes(read, inp)
         for (byte, bit), value in self._inputs.items():
@@ -109,18 +134,12 @@ class ServoDrives:
         friction_out: NDArray[np.float64],
     ) -> None:
         """One cycle: joint torques into ``torque_out`` (8,), dry friction into ``friction_out`` (dofs,)."""
-        active = self._active
         loops.step_drives(
             self._dt_s,
             qpos,
             qvel,
-            index.qpos,
-            index.qvel,
-            active.servo_on,
-            active.mode,
-            active.position_counts,
-            active.velocity_counts_per_s,
-            active.clear_alarm,
+            index,
+            self._active,
             self._next_noise(),
             self._parameters,
             self._state,
@@ -140,18 +159,6 @@ class ServoDrives:
         return row
 
     # --- faults and inputs ----------------------------------------------------------------------------------------
-
-    def set_bus(self, up: bool) -> None:
-        """Connects or cuts the bus."""
-        self._bus_up = up
-
-    def set_alarm(self, axis: int, code: int) -> None:
-        """A fault inside the drive that lasts until it is set to 0; the alarm then waits to be cleared."""
-        self._state[loops.S_INJECTED_ALARM, axis] = code
-
-    def set_encoder_frozen(self, axis: int, frozen: bool) -> None:
-        """A frozen encoder repeats its last count."""
-        self._state[loops.S_FROZEN, axis] = frozen
 
     def set_estop_pressed(self, pressed: bool) -> None:
         """The button is normally closed: its input bit is 1 while released."""
@@ -218,21 +225,6 @@ class ServoDrives:
         return np.array(self._state[loops.S_STATE])
 
     @property
-    def alarm_codes(self) -> NDArray[np.float64]:
-        """(8,) alarm codes, 0 = none."""
-        return np.array(self._state[loops.S_ALARM_CODE])
-
-    @property
-    def brakes_closed(self) -> NDArray[np.bool_]:
-        """(8,) True for closed holding brakes; steering axes have none."""
-        return np.asarray(self._state[loops.S_BRAKE_CLOSED] > 0.0)
-
-    @property
-    def motor_torques_nm(self) -> NDArray[np.float64]:
-        """(8,) torque of each motor at its joint, without cogging."""
-        return np.array(self._state[loops.S_TORQUE])
-
-    @property
     def powered(self) -> NDArray[np.bool_]:
         """(8,) power stage on."""
         state = self._state[loops.S_STATE]
@@ -277,21 +269,6 @@ class Wiring:
         inp.torque_percent[axes] = signs * by_joint.torque_percent
         inp.servo_on[axes] = by_joint.servo_on
         inp.alarm_code[axes] = by_joint.alarm_code
-
-
-@dataclass(frozen=True, slots=True)
-class JointIndex:
-    """Where joints are in MuJoCo's qpos and qvel."""
-
-    qpos: NDArray[np.int64]
-    qvel: NDArray[np.int64]
-
-    @classmethod
-    def of(cls, model: Any, names: Sequence[str] = JOINTS) -> JointIndex:
-        return cls(
-            np.array([model.joint(name).qposadr[0] for name in names], np.int64),
-            np.array([model.joint(name).dofadr[0] for name in names], np.int64),
-        )
 
 
 def drive_parameters(

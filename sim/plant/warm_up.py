@@ -7,7 +7,8 @@ import numpy as np
 from robot_stack.core.robot import load_robot
 from robot_stack.wmx.bus import DriveCommands, DriveFeedback
 from sim.params import load_sim_params
-from sim.plant.drives import N_AXES, JointIndex, ServoDrives
+from sim.plant.drive_loops import JointIndex
+from sim.plant.drives import N_AXES, ServoDrives
 from sim.plant.robot_model import nominal_tolerances
 
 _BYTES = 1  # of inputs and outputs

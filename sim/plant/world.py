@@ -21,7 +21,8 @@ from robot_stack.core.robot import Robot
 from sim.params import SimParams
 from sim.plant.contacts import CHAIR, ROBOT, Contacts, parts
 from sim.plant.doors import Building
-from sim.plant.drives import JointIndex, ServoDrives
+from sim.plant.drive_loops import JointIndex
+from sim.plant.drives import ServoDrives
 from sim.plant.edge import Edge
 from sim.plant.latch import Latch
 from sim.plant.model import write_mjcf

@@ -42,7 +42,7 @@ def test_the_stretched_arm_is_held_by_its_motors() -> None:
     rig = ArmRig(start_rad=STRETCHED).on()
     rig.run(1.0)
     assert np.abs(rig.truth - np.array(STRETCHED)).max() < 1e-4
-    motor = rig.arm.bus.torques_nm
+    motor = rig.arm.bus.motor_torques_nm
     expected = weight_at_joint_2(rig)
     assert expected == pytest.approx(36.1, abs=0.1)
     # Dry friction carries a part of it, which depends on how the joint came to rest.
@@ -104,7 +104,7 @@ def test_three_kilograms_are_carried_within_the_motors_limits() -> None:
     for step in range(1, 1501):
         rig.command(path(step * DT_S), path(step * DT_S, 1))
         rig.cycle()
-        np.maximum(highest, np.abs(rig.arm.bus.torques_nm), out=highest)
+        np.maximum(highest, np.abs(rig.arm.bus.motor_torques_nm), out=highest)
     assert (highest < limits).all()
     assert np.abs(rig.commanded - rig.positions).max() < _TRACKING_RAD
 
@@ -117,7 +117,7 @@ def test_a_load_beyond_the_motor_is_an_alarm_and_the_brake_holds_it() -> None:
     highest = 0.0
     for _ in range(1500):
         rig.cycle()
-        highest = max(highest, abs(float(rig.arm.bus.torques_nm[1])))
+        highest = max(highest, abs(float(rig.arm.bus.motor_torques_nm[1])))
     assert highest <= rig.params.kind(1).max_torque_nm + 1e-9
     assert rig.inp.alarm_code[1] in (ALARM_OVERLOAD, ALARM_FOLLOWING_ERROR)
     assert not rig.inp.servo_on[1]
