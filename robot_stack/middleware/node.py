@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Callable
+from contextlib import ExitStack
 from functools import cached_property
 from typing import Any, ClassVar, ParamSpec, TypeVar
 
@@ -72,6 +73,9 @@ class StackNode:
 
     def __init__(self, name: str, parameters: type[BaseModel] | None = None) -> None:
         self.port: Port = open_port(name)
+        # What the node closes at its end, the last first, and its port last.
+        self.at_end = ExitStack()
+        self.at_end.callback(self.port.close)
         self.params: Any = None
         if parameters is None:
             refuse_overrides(self.port)
@@ -323,7 +327,7 @@ class StackNode:
             self.on_emergency_stop()
 
     def destroy_node(self) -> None:
-        self.port.close()
+        self.at_end.close()
 
 
 def node_class(row: Process) -> type[StackNode]:

@@ -124,6 +124,7 @@ class CameraDriverNode(StackNode, bulk=True):
         self.wants_pictures: Callable[[], bool] = lambda: True
         self.conditions: Callable[[str, float], Conditions] = self._faults.conditions
         self._worker = self.worker("camera", world_waits=True)
+        self.at_end.callback(self._worker.close, _END_S)
         self._bodies = Bodies(self, self._on_bodies)
         serve_faults(self, services.INJECT_CAMERA_FAULT, self.inject_fault)
         self.set_health(False, f"waiting for {topics.SIM_BODIES.name}")
@@ -152,13 +153,6 @@ class CameraDriverNode(StackNode, bulk=True):
             camera.output.publish(time_s, data)
         self.set_health(True, "pictures are taken")
 
-    def destroy_node(self) -> None:
-        self._worker.close(_END_S)
-        for camera in self._cameras:
-            if isinstance(camera.output, _Device):
-                camera.output.file.close()
-        super().destroy_node()
-
     def _watch(self) -> None:
         self._bodies.watch(self.params.silence_s)
 
@@ -184,6 +178,7 @@ class CameraDriverNode(StackNode, bulk=True):
             output: _Topics | _Device
             if self.params.device_folder:
                 output = _Device(V4l2Camera(runtime_dir() / self.params.device_folder / name), margin_s)
+                self.at_end.callback(output.file.close)
             else:
                 output = _Topics(self, frame, calibrated, (image_row, info_row))
             cameras.append(_Camera(name, renderer, plan, picture, output))

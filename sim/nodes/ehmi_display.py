@@ -27,6 +27,7 @@ class EhmiDisplayNode(StackNode):
         self._shown: Display | None = None
         self._display = self.advertise(topics.SIM_EHMI_DISPLAY)
         self._line = self.device(DisplayLine, self.params.firmware, runtime_dir() / self.params.link_name)
+        self.at_end.callback(self._line.close)
         self._faults = DisplayFaults(self._line)
         serve_faults(self, services.INJECT_EHMI_FAULT, self.inject_fault)
         self.every(self.params.tick_rate_hz, self._tick)
@@ -48,7 +49,3 @@ class EhmiDisplayNode(StackNode):
         self._display.publish(String(data=json.dumps(content, ensure_ascii=False)))
         self.report.values["shown"] = str(content["name"])
         self.set_health(True, "the display is on its line")
-
-    def destroy_node(self) -> None:
-        self._line.close()
-        super().destroy_node()

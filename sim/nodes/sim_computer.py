@@ -20,6 +20,7 @@ class SimComputerNode(StackNode):
         super().__init__("sim_computer", SimComputerParams)
         folder = runtime_dir() / self.params.folder
         self._computer = self.device(SimComputer, self.params, folder, _existing(recordings_dir()))
+        self.at_end.callback(self._computer.close)
         self._faults = ComputerFaults(self._computer)
         self.subscribe(topics.UI_HEARTBEAT, lambda _: self._computer.screen.on_heartbeat())
         serve_faults(self, services.INJECT_COMPUTER_FAULT, self.inject_fault)
@@ -37,10 +38,6 @@ class SimComputerNode(StackNode):
             f"processor {kernel.cpu_percent:g} %, memory {kernel.memory_percent:g} %, {kernel.celsius:g} C"
         )
         self.set_health(True, "running")
-
-    def destroy_node(self) -> None:
-        self._computer.close()
-        super().destroy_node()
 
 
 def _existing(folder: Path) -> Path:

@@ -74,6 +74,7 @@ class TurningLidar(StackNode, bulk=True):
             self._tf = self.advertise(topics.TF_STATIC)
             self._tf.publish(TFMessage(transforms=[self._mounting()]))
         self._worker = self.worker("lidar", world_waits=True)
+        self.at_end.callback(self._worker.close, _END_S)
         self._bodies = Bodies(self, self._on_bodies)
         serve_faults(self, self.inject, self.inject_fault)
         self.set_health(False, f"waiting for {topics.SIM_BODIES.name}")
@@ -108,10 +109,6 @@ class TurningLidar(StackNode, bulk=True):
             publisher.publish(data)
         if clouds or self.params.wire:
             self.set_health(True, f"{self.sensor} measures")
-
-    def destroy_node(self) -> None:
-        self._worker.close(_END_S)
-        super().destroy_node()
 
     def _on_bodies(self, time_s: float, poses: dict[str, NDArray[np.float64]]) -> None:
         self.sweeper.add(time_s, poses)

@@ -44,6 +44,7 @@ class DockingControllerNode(StackNode):
         self._motion_warnings = MotionWarnings(self, given=self._departure.announced)
         self._controller = DockingController(self.params, cameras, self._departure, self._corrections)
         self._latch = LatchIo(self, self.params.engine_poll_hz)
+        self.at_end.callback(self._latch.close)
         self._navigation = NavigationClient(self, self._controller.on_navigation)
         self._outputs = DockingOutputs(self, self.params, self._navigation)
         self._attached = self.device(AttachedFile)
@@ -144,10 +145,6 @@ class DockingControllerNode(StackNode):
     def safe_output(self) -> None:
         self._outputs.stand()
         self._navigation.cancel()
-
-    def destroy_node(self) -> None:
-        self._latch.close()
-        super().destroy_node()
 
     def _report_state(self, output: Output) -> None:
         inputs = self._latch.inputs

@@ -28,6 +28,7 @@ class JoystickDriverNode(StackNode):
         device = str(runtime_dir() / self.params.device)
         self.set_health(False, f"waiting for the joystick {device}")
         self._thread = DeviceThread(JoystickFile(device, self._on_events, self._on_lost), self.params.reopen_s)
+        self.at_end.callback(self._thread.close)
         self.every(topics.TELEOP_CMD_VEL.nominal_rate_hz, self._command)
         self.every(2.0, self._watch)
 
@@ -65,7 +66,3 @@ class JoystickDriverNode(StackNode):
         """Publishes a zero command if the joystick controls the robot."""
         if self._teleop.command(self.steady_s()) is not None:
             self._commands.publish(twist_stamped(ZERO_TWIST, frames.BASE_LINK, self.stamp()))
-
-    def destroy_node(self) -> None:
-        self._thread.close()
-        super().destroy_node()

@@ -28,6 +28,7 @@ class ModbusBatteryDriverNode(StackNode):
         unit = ModbusUnit(params.modbus, serial_port, self._battery.blocks(), self._on_registers)
         self.set_health(False, f"waiting for the battery on {unit.where}")
         self._thread = DeviceThread(unit, params.modbus.reopen_s)
+        self.at_end.callback(self._thread.close)
         self.every(_WATCH_HZ, self._watch)
 
     def _on_registers(self, raw: dict[int, int]) -> None:
@@ -49,7 +50,3 @@ class ModbusBatteryDriverNode(StackNode):
             "opened": f"{self._thread.opened} times",
             **self._battery.values(now_s),
         }
-
-    def destroy_node(self) -> None:
-        self._thread.close()
-        super().destroy_node()

@@ -61,6 +61,8 @@ class PacketLidarNode(StackNode, bulk=True):
         self.set_health(False, f"waiting for the {self._device}")
         self._socket = self._open(name)
         self._thread = DeviceThread(self._socket, _PAUSE_S)
+        self.at_end.callback(self._socket.close)
+        self.at_end.callback(self._thread.close)
         self.every(1.0 / params.silence_s, self._watch)
 
     def builder(self, sensor: RangeSensor) -> Builder:
@@ -100,8 +102,3 @@ class PacketLidarNode(StackNode, bulk=True):
             "clock drift": f"{builder.drift_ppm:.1f} ppm",
             **builder.counters.values(),
         }
-
-    def destroy_node(self) -> None:
-        self._thread.close()
-        self._socket.close()
-        super().destroy_node()

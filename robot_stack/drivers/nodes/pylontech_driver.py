@@ -30,6 +30,7 @@ class PylontechDriverNode(StackNode):
         self.set_health(False, f"waiting for the battery on {channel}")
         self._bus = CanBus(self.device_s, channel, can, (KEEP_ALIVE, bytes(8)), self._on_frame)
         self._thread = DeviceThread(self._bus, can.reopen_s)
+        self.at_end.callback(self._thread.close)
         self.every(_WATCH_HZ, self._watch)
 
     def _on_frame(self, number: int, data: bytes) -> None:
@@ -54,7 +55,3 @@ class PylontechDriverNode(StackNode):
             "frames corrupt": str(self._bus.corrupt),
             **self._pack.values(now_s),
         }
-
-    def destroy_node(self) -> None:
-        self._thread.close()
-        super().destroy_node()

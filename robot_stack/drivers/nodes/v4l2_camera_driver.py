@@ -40,11 +40,6 @@ class V4l2CameraDriverNode(StackNode, bulk=True):
         for camera in self._cameras.values():
             self.report.values |= camera.values()
 
-    def destroy_node(self) -> None:
-        for camera in self._cameras.values():
-            camera.close()
-        super().destroy_node()
-
 
 class _Camera:
     """One camera: its thread, and its two topics."""
@@ -56,6 +51,7 @@ class _Camera:
         self._chooser = FrameChooser(node.params, size[1], size[0])
         self._device = V4l2Device(device, size, node.params, self._chooser.begin_anew, self._wants, self._on_frame)
         self._thread = DeviceThread(self._device, node.params.reopen_s)
+        node.at_end.callback(self._thread.close)
 
     def problem(self, now_s: float) -> str:
         """Why no images arrive; empty while they do."""
@@ -67,9 +63,6 @@ class _Camera:
         """For /diagnostics."""
         values = {"device": self._thread.state, "exposure": self._device.exposure, **self._chooser.counters.values()}
         return {f"{self._name} {key}": value for key, value in values.items()}
-
-    def close(self) -> None:
-        self._thread.close()
 
     def _wants(self, stamp_s: float) -> bool:
         return self._chooser.wants(stamp_s, self._node.device_s())

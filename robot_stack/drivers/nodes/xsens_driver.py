@@ -28,6 +28,7 @@ class XsensDriverNode(StackNode):
         serial = self.params.serial
         line = SerialLine(self.device_s, port, self.params.baud_rate, serial, START, self._on_opened, self._on_bytes)
         self._thread = DeviceThread(line, serial.reopen_s)
+        self.at_end.callback(self._thread.close)
         self.every(1.0 / self.params.silence_s, self._watch)
 
     def _on_opened(self) -> None:
@@ -55,7 +56,3 @@ class XsensDriverNode(StackNode):
             "clock drift": f"{self._unit.drift_ppm:.1f} ppm",
             **self._unit.counters.values(),
         }
-
-    def destroy_node(self) -> None:
-        self._thread.close()
-        super().destroy_node()

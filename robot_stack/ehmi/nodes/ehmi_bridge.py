@@ -32,6 +32,7 @@ class EhmiBridgeNode(StackNode):
         # An absolute path replaces the runtime folder.
         self._port_path = str(runtime_dir() / self.params.port)
         self._port = self.device(SerialPort, self._port_path, self.params.baud_rate, self.params.link, self._shown)
+        self.at_end.callback(self._port.close)
         self.every(self.params.tick_rate_hz, self._tick)
         self.every(topics.EHMI_STATUS.nominal_rate_hz, self._publish)
 
@@ -112,7 +113,3 @@ class EhmiBridgeNode(StackNode):
         self._leaving = True
         self._show()
         self.port.wait_until(lambda: self._port.status().acknowledged_state == Display.OFF, _LAST_WORD_S)
-
-    def destroy_node(self) -> None:
-        self._port.close()
-        super().destroy_node()

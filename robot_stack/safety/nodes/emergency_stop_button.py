@@ -25,6 +25,7 @@ class EmergencyStopButtonNode(StackNode):
         self._read_at_s: float | None = None
         self._stop = self.emergency_stop_source()
         self._view = self.device(EngineView, self.get_name(), self.params.poll_hz, self._on_status)
+        self.at_end.callback(self._view.close)
         self.every(2.0 / self.params.silence_s, self._watch)
         self._view.start()
 
@@ -54,7 +55,3 @@ class EmergencyStopButtonNode(StackNode):
         with self._turn:
             if self._button.contradicts(message.data):
                 self._stop.publish(True)
-
-    def destroy_node(self) -> None:
-        self._view.close()
-        super().destroy_node()

@@ -41,6 +41,7 @@ class SafetyMonitorNode(StackNode):
             self.worker("latch"),
             self.monotonic_s,
         )
+        self.at_end.callback(self._store.close)
         memory = self._store.load()
         self._store.save(memory)  # creates the copies at the first start, and repairs damaged ones
         self._monitor = self._new_monitor(memory)
@@ -58,6 +59,7 @@ class SafetyMonitorNode(StackNode):
         self.every(topics.VELOCITY_LIMIT.nominal_rate_hz, self._repeat_limit)
         self._report_rows = {"rows": ", ".join(self._monitor.rows)}
         self._engine = EngineInput(self, 2.0 * self.params.tick_hz)
+        self.at_end.callback(self._engine.close)
         self._engine.start()
 
     def _new_monitor(self, memory: Memory) -> SafetyMonitor:
@@ -143,8 +145,3 @@ class SafetyMonitorNode(StackNode):
     def safe_output(self) -> None:
         """Without a monitor the robot must not drive."""
         self._outputs.limit(SafetyLimit(0.0, 0.0, ("NODE_DEAD",)))
-
-    def destroy_node(self) -> None:
-        self._engine.close()
-        self._store.close()
-        super().destroy_node()
