@@ -105,36 +105,10 @@ class Engine:
 
     def _advance(self) -> None:
         self.motion.splines.advance()
-        a, out = self.arrays, self.commands
-        advance(
-            a.reals,
-            a.flags,
-            a.params,
-            a.work,
-            a.plan,
-            self.condition.cycle_time_s,
-            out.servo_on,
-            out.mode,
-            out.position_counts,
-            out.velocity_counts_per_s,
-            out.clear_alarm,
-        )
+        advance(self.arrays, self.condition.cycle_time_s, self.commands)
 
     def _absorb(self) -> None:
-        a, inp = self.arrays, self.feedback
-        absorb(
-            a.reals,
-            a.flags,
-            a.params,
-            a.work,
-            a.plan,
-            self.condition.emergency_stop,
-            inp.position_counts,
-            inp.velocity_counts_per_s,
-            inp.torque_percent,
-            inp.servo_on,
-            inp.alarm_code,
-        )
+        absorb(self.arrays, self.condition.emergency_stop, self.feedback)
 
     def _warm_up(self) -> None:
         """Compiles or loads all compiled code now: in the middle of a ride it would halt the cycle for seconds."""

@@ -15,18 +15,14 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
 from robot_stack.core.compiled import compiled
 from robot_stack.wmx.api.enums import AxisCommandMode, Config_LimitSwitchType, DetailOperationState, OperationState
 from robot_stack.wmx.api.errors import ErrorCode
 from robot_stack.wmx.axes import Flag, Real
+from robot_stack.wmx.bus import DriveCommands, DriveFeedback
 from robot_stack.wmx.engine_server import rows
 from robot_stack.wmx.engine_server.profile import evaluate, plan_stop, remaining
-
-Reals = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from robot_stack.wmx.engine_server.state import EngineArrays, Ints, Reals
 
 # Compiled code needs plain integers.
 POS_CMD: Final = int(Real.POS_CMD)
@@ -177,20 +173,10 @@ def _step(reals: Reals, flags: Ints, params: Reals, work: Ints, plan: Reals, i: 
 
 
 @compiled
-def advance(
-    reals: Reals,
-    flags: Ints,
-    params: Reals,
-    work: Ints,
-    plan: Reals,
-    dt: float,
-    servo_on: NDArray[np.bool_],
-    mode: NDArray[np.int8],
-    position_counts: Ints,
-    velocity_counts_per_s: Reals,
-    clear_alarm: NDArray[np.bool_],
-) -> None:
+def advance(arrays: EngineArrays, dt: float, out: DriveCommands) -> None:
     """One cycle of every axis: fills the drive commands."""
+    reals, flags, params, work, plan = arrays
+    servo_on, mode, position_counts, velocity_counts_per_s, clear_alarm, _ = out
     for i in range(flags.shape[1]):
         mode[i] = flags[MODE, i]
         if flags[SERVO_REQUESTED, i] == 0:
@@ -319,20 +305,10 @@ def _arrival(reals: Reals, flags: Ints, params: Reals, work: Ints, i: int) -> No
 
 
 @compiled
-def absorb(
-    reals: Reals,
-    flags: Ints,
-    params: Reals,
-    work: Ints,
-    plan: Reals,
-    stopped: bool,
-    position_counts: Ints,
-    velocity_counts_per_s: Reals,
-    torque_percent: Reals,
-    servo_on: NDArray[np.bool_],
-    alarm_code: NDArray[np.int32],
-) -> None:
+def absorb(arrays: EngineArrays, stopped: bool, inp: DriveFeedback) -> None:
     """Reads one cycle's feedback of every axis. ``stopped``: an emergency stop is active."""
+    reals, flags, params, work, plan = arrays
+    position_counts, velocity_counts_per_s, torque_percent, servo_on, alarm_code, _ = inp
     for i in range(flags.shape[1]):
         scale = params[rows.COUNTS_PER_UNIT, i]
         flags[SERVO_OFFLINE, i] = 0

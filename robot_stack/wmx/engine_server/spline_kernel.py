@@ -31,7 +31,6 @@ import math
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from robot_stack.core.compiled import compiled
 from robot_stack.wmx.api.enums import OperationState
@@ -49,9 +48,7 @@ from robot_stack.wmx.engine_server.kernel import (
     TARGET,
     VELOCITY_CMD,
 )
-
-Reals = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from robot_stack.wmx.engine_server.state import EngineArrays, Ints, Reals
 
 INTPL: Final = int(OperationState.Intpl)
 
@@ -155,9 +152,7 @@ def _rest_ahead(s: float, rate: float, fall: float, duration: float) -> tuple[fl
 
 @compiled
 def step_spline(
-    reals: Reals,
-    flags: Ints,
-    work: Ints,
+    arrays: EngineArrays,
     times: Reals,
     curve: Reals,
     goal: Reals,
@@ -169,6 +164,7 @@ def step_spline(
     dt: float,
 ) -> bool:
     """One cycle of every axis that is still on the spline ``mark``. Returns whether the spline has ended."""
+    reals, flags, _, work, _ = arrays
     duration = times[times.size - 1]
     stopping = count[STOPPING] != 0
     fall, rest = 0.0, False

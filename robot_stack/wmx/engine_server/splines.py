@@ -29,13 +29,11 @@ from robot_stack.wmx.engine_server.spline_kernel import (
     N_COUNT,
     RATE,
     STOPPING,
-    Ints,
-    Reals,
     drop_repeated,
     plan_spline,
     step_spline,
 )
-from robot_stack.wmx.engine_server.state import EngineArrays
+from robot_stack.wmx.engine_server.state import EngineArrays, Ints, Reals
 
 LARGEST_BUFFER: Final = 100_000
 """Points of one channel."""
@@ -214,12 +212,9 @@ class Splines:
 
     def advance(self) -> None:
         """One cycle of every spline, before that of the axes."""
-        a = self._a
         for run in list(self._runs.values()):
             ended = step_spline(
-                a.reals,
-                a.flags,
-                a.work,
+                self._a,
                 run.times,
                 run.curve,
                 run.goal,

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from robot_stack.wmx.api.enums import EngineState, EStopLevel
 from robot_stack.wmx.axes import N_FLAGS, N_REALS, Flag
-from robot_stack.wmx.engine_server.kernel import Ints, Reals
 from robot_stack.wmx.engine_server.profile import MAX_SEGMENTS
 from robot_stack.wmx.engine_server.rows import N_PARAMS, N_WORK
 
+Reals = NDArray[np.float64]
+Ints = NDArray[np.int64]
 
-@dataclass(slots=True)
-class EngineArrays:
+
+class EngineArrays(NamedTuple):
     """See the kernel for the layout. The arrays are made once and only ever written in place."""
 
     reals: Reals
@@ -41,7 +44,7 @@ class EngineArrays:
 
     def clear(self) -> None:
         """All axes idle, off and offline; parameters undefined."""
-        for array in (self.reals, self.flags, self.params, self.work, self.plan):
+        for array in self:
             array.fill(0)
         self.flags[Flag.SERVO_OFFLINE] = 1
         self.flags[Flag.CMD_DISTRIBUTION_END] = 1
