@@ -23,6 +23,8 @@ from robot_stack.navigation.grid_kernels import (
     EASY,
     NO_GUIDE,
     TIGHT,
+    Ground,
+    Prices,
     Singles,
     astar,
     heading_room,
@@ -140,23 +142,19 @@ class GlobalPlanner:
         # In no pose of the footprint base_link comes nearer to an obstacle: an escape does not lead through a wall.
         dot, here = np.zeros((1, 2)), np.array([(start.x, start.y, 0.0)])
         escape_m = min(footprint.inscribed_m(), float(grid.clearance_m(dot, here)[0])) - grid.resolution_m
+        ground = Ground(field, grid.unknown, grid.courses, self._guide)
+        prices = Prices(radius_m, prefer_m, p.near_cost, unknown_cost if math.isfinite(unknown_cost) else 1.0)
         found = astar(
-            field,
-            grid.unknown,
+            ground,
+            prices,
             factor,
             first,
             last,
-            radius_m,
-            prefer_m,
-            p.near_cost,
-            unknown_cost if math.isfinite(unknown_cost) else 1.0,
             escape_m,
             p.heuristic_weight,
             np.array(cells, np.int64).reshape(-1, 3),
             math.ceil(p.escape_m / coarse_m),
             self._flood_cells,
-            grid.courses,
-            self._guide,
             self._stop.flag,
         )
         if not len(found):
@@ -166,8 +164,7 @@ class GlobalPlanner:
         if len(points) == 1:
             points = np.array([(start.x, start.y), (goal.x, goal.y)])
         place = grid.resolution_m, grid.x_m, grid.y_m
-        cost = radius_m, prefer_m, p.near_cost, p.unknown_cost
-        points = straighten(field, grid.unknown, *place, points, *cost, grid.courses, self._guide, _LINE_STEPS)
+        points = straighten(ground, prices._replace(unknown_cost=p.unknown_cost), place, points, _LINE_STEPS)
         points = _evenly(points, _HEADING_STEP_M)
         return relax(field, *place, points, radius_m, p.rounding, grid.courses)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import heapq
 import math
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,9 @@ from robot_stack.navigation.one_way import Courses, coarse_courses, course_of, p
 Floats = npt.NDArray[np.float64]
 Singles = npt.NDArray[np.float32]
 Rooms = npt.NDArray[np.int8]
+
+Place = tuple[float, float, float]
+"""Size of a cell, and x and y of the grid's lower left corner, m."""
 
 NO_GUIDE: Singles = np.zeros((0, 0), np.float32)
 
@@ -33,6 +37,27 @@ _LOOK = 4096
 # coming nearer to the goal that count as stalled.
 _FLOOD, _STALLED = 4, 40_000
 _ESCAPE_COST = 20.0
+
+
+class Ground(NamedTuple):
+    """Of each cell, (rows, columns): clearance in m, whether it is unknown, and which courses it permits.
+
+    guide: additional cost per metre, negative: closed; (0, 0) without one.
+    """
+
+    field: Singles
+    unknown: npt.NDArray[np.bool_]
+    courses: Courses
+    guide: Singles
+
+
+class Prices(NamedTuple):
+    """Least and preferred clearance, m; the additional costs per metre at the least one and of unknown cells."""
+
+    radius_m: float
+    prefer_m: float
+    near_cost: float
+    unknown_cost: float
 
 
 @compiled(nogil=True)
@@ -84,8 +109,9 @@ def clearances(
 
 
 @compiled(nogil=True)
-def _cell_cost(clear: float, unknown: bool, radius: float, prefer: float, near: float, unknown_cost: float) -> float:
+def _cell_cost(clear: float, unknown: bool, prices: Prices) -> float:
     """Cost per metre in a cell, >= 1; negative: closed."""
+    radius, prefer, near, unknown_cost = prices
     if clear < radius:
         return -1.0
     cost = unknown_cost if unknown else 1.0
@@ -96,54 +122,44 @@ def _cell_cost(clear: float, unknown: bool, radius: float, prefer: float, near: 
 
 
 @compiled(nogil=True)
-def _block_cost(
-    field: Singles,
-    unknown: npt.NDArray[np.bool_],
-    factor: int,
-    row: int,
-    column: int,
-    radius: float,
-    prefer: float,
-    near: float,
-    unknown_cost: float,
-) -> float:
+def _block_cost(ground: Ground, prices: Prices, factor: int, row: int, column: int) -> float:
     """Cost of a coarse cell: that of its clearest fine cell, so that coarse cells close no gap."""
+    field, unknown = ground.field, ground.unknown
     clear, strange = 0.0, False
     for r in range(row * factor, min((row + 1) * factor, field.shape[0])):
         for c in range(column * factor, min((column + 1) * factor, field.shape[1])):
             clear = max(clear, float(field[r, c]))
             strange = strange or unknown[r, c]
-    return _cell_cost(clear, strange, radius, prefer, near, unknown_cost)
+    return _cell_cost(clear, strange, prices)
 
 
 @compiled(nogil=True)
 def _enter_cost(
     cost: Singles,
-    field: Singles,
-    unknown: npt.NDArray[np.bool_],
+    ground: Ground,
+    prices: Prices,
     factor: int,
     row: int,
     column: int,
-    near: tuple[float, float, float, float, float],
-    guide: Singles,
+    escape_m: float,
     start: tuple[int, int],
     escape_cells: int,
 ) -> float:
     """Cost of a coarse cell, stored in ``cost``; negative: closed.
 
-    near: radius, preferred clearance, cost near to obstacles, cost of unknown cells, escape_m. guide, escape_m: as of
-    ``astar``; the guide of the cell's middle counts.
+    escape_m: as of ``astar``. The guide of the cell's middle counts.
     """
-    entering = _block_cost(field, unknown, factor, row, column, near[0], near[1], near[2], near[3])
+    guide = ground.guide
+    entering = _block_cost(ground, prices, factor, row, column)
     if guide.shape[0] > 0 and entering >= 0.0:
         middle_row = min(row * factor + factor // 2, guide.shape[0] - 1)
         middle_column = min(column * factor + factor // 2, guide.shape[1] - 1)
         extra = float(guide[middle_row, middle_column])
         entering = entering + extra if extra >= 0.0 else -1.0
     if entering < 0.0 and max(abs(row - start[0]), abs(column - start[1])) <= escape_cells:
-        escapes = _block_cost(field, unknown, factor, row, column, near[4], near[4], 0.0, 1.0) >= 0.0
+        escapes = _block_cost(ground, Prices(escape_m, escape_m, 0.0, 1.0), factor, row, column) >= 0.0
         entering = _ESCAPE_COST if escapes else -1.0
-    cost[row * ((field.shape[1] + factor - 1) // factor) + column] = entering
+    cost[row * ((ground.field.shape[1] + factor - 1) // factor) + column] = entering
     return entering
 
 
@@ -178,22 +194,16 @@ def _way_back(parent: npt.NDArray[np.int32], first: int, last: int, columns: int
 
 @compiled(nogil=True)
 def astar(
-    field: Singles,
-    unknown: npt.NDArray[np.bool_],
+    ground: Ground,
+    prices: Prices,
     factor: int,
     start: tuple[int, int],
     goal: tuple[int, int],
-    radius_m: float,
-    prefer_m: float,
-    near_cost: float,
-    unknown_cost: float,
     escape_m: float,
     weight: float,
     blocked: npt.NDArray[np.int64],
     escape_cells: int,
     flood_cells: int,
-    courses: Courses,
-    guide: Singles,
     stop: npt.NDArray[np.bool_],
 ) -> npt.NDArray[np.int64]:
     """(n, 2) coarse cells (row, column) from start to goal, empty if there is no way, or if it was stopped.
@@ -201,21 +211,19 @@ def astar(
     weight: of the octile heuristic, >= 1. blocked: (m, 3) discs of coarse cells (row, column, radius) that are closed.
     escape_cells: within this distance of the start any cell with a clearance of escape_m may be entered, at a high
     cost, to leave a tight spot.
-    courses: permitted in each cell; a step needs both cells to permit it, except in a circle of escape_cells around the
-    start.
-    guide: (rows, columns) additional cost per metre, negative: closed; (0, 0) without one.
+    A step needs both cells to permit its course, except in a circle of escape_cells around the start.
 
     A flood from the goal runs beside a search without progress; its first flood_cells are expanded in any case. If
     it ends without meeting the search, there is no way: this is found after the smaller of the two regions
     instead of the whole site.
     """
+    field = ground.field
     rows = (field.shape[0] + factor - 1) // factor
     columns = (field.shape[1] + factor - 1) // factor
     cost = np.full(rows * columns, np.float32(np.nan), np.float32)
     g = np.full(rows * columns, np.inf)  # in single precision a rounded cost could be improved for ever
     parent = np.full(rows * columns, -1, np.int32)
-    near = (radius_m, prefer_m, near_cost, unknown_cost, escape_m)
-    ways = coarse_courses(courses, factor)
+    ways = coarse_courses(ground.courses, factor)
     one_way = ways.shape[0] > 0
     _close_discs(cost, rows, columns, blocked)
     first, last = start[0] * columns + start[1], goal[0] * columns + goal[1]
@@ -226,7 +234,7 @@ def astar(
     flood = np.empty(rows * columns, np.int32)
     flood_from, flood_to, floods = 0, 0, first != last
     if floods:
-        if _enter_cost(cost, field, unknown, factor, goal[0], goal[1], near, guide, start, escape_cells) < 0.0:
+        if _enter_cost(cost, ground, prices, factor, goal[0], goal[1], escape_m, start, escape_cells) < 0.0:
             return np.empty((0, 2), np.int64)
         flood[0], flooded[last], flood_to = last, True, 1
     diagonal = math.sqrt(2.0)
@@ -252,7 +260,7 @@ def astar(
                         floods = False
                     entering = cost[r * columns + c]
                     if math.isnan(entering):
-                        entering = _enter_cost(cost, field, unknown, factor, r, c, near, guide, start, escape_cells)
+                        entering = _enter_cost(cost, ground, prices, factor, r, c, escape_m, start, escape_cells)
                     if entering >= 0.0:
                         flood[flood_to] = r * columns + c
                         flood_to += 1
@@ -276,7 +284,7 @@ def astar(
                     continue
                 entering = cost[there]
                 if math.isnan(entering):
-                    entering = _enter_cost(cost, field, unknown, factor, r, c, near, guide, start, escape_cells)
+                    entering = _enter_cost(cost, ground, prices, factor, r, c, escape_m, start, escape_cells)
                 if entering < 0.0:
                     continue
                 if one_way:
@@ -296,22 +304,10 @@ def astar(
 
 
 @compiled(nogil=True)
-def line_cost(
-    field: Singles,
-    unknown: npt.NDArray[np.bool_],
-    resolution_m: float,
-    ox: float,
-    oy: float,
-    a: Floats,
-    b: Floats,
-    radius_m: float,
-    prefer_m: float,
-    near_cost: float,
-    unknown_cost: float,
-    courses: Courses,
-    guide: Singles,
-) -> float:
+def line_cost(ground: Ground, prices: Prices, place: Place, a: Floats, b: Floats) -> float:
     """Cost of the straight line from a to b, metres times cost per metre; negative if not clear, or not permitted."""
+    field, unknown, courses, guide = ground
+    resolution_m, ox, oy = place
     length = math.hypot(b[0] - a[0], b[1] - a[1])
     course = course_of(b[0] - a[0], b[1] - a[1])
     steps = max(1, math.ceil(length / resolution_m))
@@ -324,7 +320,7 @@ def line_cost(
             return -1.0
         if not permits(courses, r, c, course):
             return -1.0
-        cost = _cell_cost(float(field[r, c]), unknown[r, c], radius_m, prefer_m, near_cost, unknown_cost)
+        cost = _cell_cost(float(field[r, c]), unknown[r, c], prices)
         if cost < 0.0:
             return -1.0
         if guide.shape[0] > 0:
@@ -336,21 +332,7 @@ def line_cost(
 
 
 @compiled(nogil=True)
-def straighten(
-    field: Singles,
-    unknown: npt.NDArray[np.bool_],
-    resolution_m: float,
-    ox: float,
-    oy: float,
-    points: Floats,
-    radius_m: float,
-    prefer_m: float,
-    near_cost: float,
-    unknown_cost: float,
-    courses: Courses,
-    guide: Singles,
-    longest: int,
-) -> Floats:
+def straighten(ground: Ground, prices: Prices, place: Place, points: Floats, longest: int) -> Floats:
     """(m, 2) points with straight lines wherever one is clear and costs no more than the steps it replaces.
 
     points: (n, 2). A step that is not clear itself (out of a tight spot) is kept. longest: steps per line.
@@ -363,17 +345,11 @@ def straighten(
         best, along, j = anchor + 1, 0.0, anchor + 1
         misses = 0
         while j < n and j - anchor <= longest:
-            step = line_cost(
-                field, unknown, resolution_m, ox, oy, points[j - 1], points[j],
-                radius_m, prefer_m, near_cost, unknown_cost, courses, guide,
-            )  # fmt: skip
+            step = line_cost(ground, prices, place, points[j - 1], points[j])
             if step < 0.0:
                 break
             along += step
-            line = line_cost(
-                field, unknown, resolution_m, ox, oy, points[anchor], points[j],
-                radius_m, prefer_m, near_cost, unknown_cost, courses, guide,
-            )  # fmt: skip
+            line = line_cost(ground, prices, place, points[anchor], points[j])
             if 0.0 <= line <= along * 1.001 + 1e-9:
                 best, misses = j, 0
             else:

@@ -20,7 +20,7 @@ from robot_stack.navigation.background_planner import BackgroundPlanner
 from robot_stack.navigation.cancel_flag import CancelFlag
 from robot_stack.navigation.controller import Output
 from robot_stack.navigation.goal import GoalCode, GoalEnd
-from robot_stack.navigation.grid_kernels import NO_GUIDE, astar
+from robot_stack.navigation.grid_kernels import NO_GUIDE, Ground, Prices, astar
 from robot_stack.navigation.one_way import FREE_COURSES
 from robot_stack.navigation.planning_grid import PlanningGrid
 from robot_stack.navigation.routes import PromptRoutes, RoutePlanner, RouteRequest, RouteResult, RouteSolver
@@ -137,25 +137,8 @@ def test_a_way_is_found_exactly_where_there_is_one(seed: int, flood_cells: int, 
     labels, _ = ndimage.label(free, structure=np.ones((3, 3)))
     clear, unknown = free.astype(np.float32), np.zeros(free.shape, np.bool_)
     blocked = np.empty((0, 3), np.int64)
-    found = astar(
-        clear,
-        unknown,
-        1,
-        start,
-        goal,
-        0.5,
-        0.5,
-        0.0,
-        1.0,
-        0.0,
-        1.2,
-        blocked,
-        0,
-        flood_cells,
-        FREE_COURSES,
-        NO_GUIDE,
-        np.zeros(1, np.bool_),
-    )
+    ground, prices = Ground(clear, unknown, FREE_COURSES, NO_GUIDE), Prices(0.5, 0.5, 0.0, 1.0)
+    found = astar(ground, prices, 1, start, goal, 0.0, 1.2, blocked, 0, flood_cells, np.zeros(1, np.bool_))
     assert bool(len(found)) == bool(labels[start] == labels[goal])
     if len(found):
         assert tuple(found[0]) == start
