@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from robot_stack.core.compiled import compiled
 from sim.lidar.kernels import AIRBORNE_HIT, NO_HIT
 from sim.lidar.labels import NEAR
-from sim.lidar.shapes import F32, F64, I16
+from sim.lidar.shapes import F32, F64, Met
 
 U32 = NDArray[np.uint32]
 U8 = NDArray[np.uint8]
@@ -35,9 +35,7 @@ def returns(
     elevations: F64,
     biases_m: F64,
     times_s: F64,
-    ranges: F32,
-    hits: I16,
-    cosines: F32,
+    met: Met,
     label_of: U8,
     reflectivity_of: F32,
     wet_hit: int,
@@ -52,9 +50,10 @@ def returns(
 
     elevations: (r,) nominal. biases_m: (r,) systematic excess of the reported ranges.
 
-    ranges, hits, cosines: (c, r) from ``kernels.cast``. normals, uniforms: at least 3 c r each. words, integers: the
+    normals, uniforms: at least 3 c r each. words, integers: the
     same memory, (c r, 6): x y z intensity ring time. labels: (c r,).
     """
+    ranges, hits, cosines = met
     count, draw = 0, 0
     ring_cos, ring_sin = np.cos(elevations), np.sin(elevations)
     gain = model[TEN_PERCENT_M] ** 2 / 0.1

@@ -171,11 +171,11 @@ class Lidar:
         out: the caller's memory for the points, room for every beam; allocation costs as much as the points.
         """
         times = np.arange(first - last + 1, 1, dtype=np.float64) * self.column_s
-        ranges, hits, cosines = self.ranges(base, stamp_s + times, first, last, movers or {})
-        reflectivity, extinction_per_m = self._through_weather(conditions.weather, ranges, hits, cosines)
+        met = self.ranges(base, stamp_s + times, first, last, movers or {})
+        reflectivity, extinction_per_m = self._through_weather(conditions.weather, met)
         if conditions.sun is not None:
-            self._into(conditions.sun, base, stamp_s + times, (first, last), (ranges, hits, cosines))
-        count = ranges.size
+            self._into(conditions.sun, base, stamp_s + times, (first, last), met)
+        count = met.ranges.size
         numbers = self._model.copy()
         numbers[model.EXTINCTION_PER_M] = extinction_per_m
         numbers[model.NOISE_M] *= conditions.noise_factor
@@ -187,9 +187,7 @@ class Lidar:
             self._nominal,
             self._biases_m,
             times,
-            ranges,
-            hits,
-            cosines,
+            met,
             self.scene.label,
             reflectivity,
             WET_HIT,
@@ -206,29 +204,24 @@ class Lidar:
                 points[axis][:used] = values
         return Sweep(stamp_s, points[:used], labels[:used])
 
-    def _through_weather(
-        self, weather: Weather | None, ranges: F32, hits: NDArray[np.int16], cosines: F32
-    ) -> tuple[F32, float]:
+    def _through_weather(self, weather: Weather | None, met: Met) -> tuple[F32, float]:
         """Adds airborne particles to the beams. Returns the surfaces' reflectivity, by number, and extinction, 1/m."""
         if weather is None:
             return self.scene.reflectivity, 0.0
         if weather not in self._air:
             self._air = {weather: self._in_air(weather)}  # of one weather at a time: values come from a service
         air, shine = self._air[weather]
-        chosen, uniforms = draw(air, ranges.size, self._weather_random)
-        tables = air.ranges_m, air.below, air.least, air.mean, air.extinction_per_m
-        meet(chosen, uniforms, *tables, shine, ranges, hits, cosines)
+        chosen, uniforms = draw(air, met.ranges.size, self._weather_random)
+        meet(chosen, uniforms, air, shine, met)
         return shine, air.extinction_per_m
 
-    def _into(
-        self, sun: Sun, base: Track, times_s: F64, part: tuple[int, int], results: tuple[F32, NDArray[np.int16], F32]
-    ) -> None:
+    def _into(self, sun: Sun, base: Track, times_s: F64, part: tuple[int, int], met: Met) -> None:
         """Adds the sun's effects to the beams of columns part[0] to part[1] - 1."""
         glare, ranging = self.params.glare, self.params.ranging
         _, rotations = poses_at(base, times_s, self.mounting)
         share = towards(sun, glare, self._azimuths[part[0] : part[1]], self._elevations, rotations)
         bright = _SURE_SIGNAL * 0.1 / ranging.range_at_ten_percent_m**2
-        dazzle(share, sun, glare, bright, ranging.max_m, self._sun_random, *results)
+        dazzle(share, sun, glare, bright, ranging.max_m, self._sun_random, met)
 
     def _in_air(self, weather: Weather) -> tuple[Particles, F32]:
         air = particles(weather, self.params)

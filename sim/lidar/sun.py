@@ -19,7 +19,7 @@ import numpy as np
 
 from sim.lidar.kernels import AIRBORNE_HIT, NO_HIT
 from sim.lidar.params import Glare
-from sim.lidar.shapes import F32, F64, I16
+from sim.lidar.shapes import F32, F64, Met
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,15 +54,14 @@ def dazzle(
     bright_at_1m: float,
     max_m: float,
     random: np.random.Generator,
-    ranges: F32,
-    hits: I16,
-    cosines: F32,
+    met: Met,
 ) -> None:
-    """Changes the results of ``kernels.cast``, all (c, r), for beams near the sun.
+    """Changes what beams near the sun meet.
 
     bright_at_1m: what a return from 1 m must throw back for the sensor to report it for sure; a count is reported, so
     it is as bright as that.
     """
+    ranges, hits, cosines = met
     into = np.flatnonzero(share > 0.0)
     strength = share.ravel()[into].astype(np.float64)
     uniforms = random.random((2, len(into)))

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from robot_stack.core.compiled import compiled
 from sim.lidar.kernels import AIRBORNE_HIT, NO_HIT
 from sim.lidar.params import Air, LidarParams
-from sim.lidar.shapes import F32, F64, I16
+from sim.lidar.shapes import F32, F64, Met
 
 Kind = Literal["rain", "snow", "dust"]
 RAIN, SNOW, DUST = "rain", "snow", "dust"
@@ -44,8 +44,7 @@ class Weather:
     returns_factor: float = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class Particles:
+class Particles(NamedTuple):
     """Effects of a kind of weather on a sensor.
 
     ranges_m, below: (k,) mean returns of one beam from nearer than each range. least, mean: (k,) of a particle that is
@@ -106,32 +105,27 @@ def draw(air: Particles, beams: int, random: np.random.Generator) -> tuple[NDArr
 def meet(
     chosen: NDArray[np.int64],
     uniforms: F64,
-    ranges_m: F64,
-    below: F64,
-    least: F64,
-    mean: F64,
-    extinction_per_m: float,
+    air: Particles,
     reflectivity_of: F32,
-    ranges: F32,
-    hits: I16,
-    cosines: F32,
+    result: Met,
 ) -> None:
-    """Puts particles into the chosen beams of ``kernels.cast`` where they are brighter than the surface behind them.
+    """Puts particles into the chosen beams where they are brighter than the surface behind them.
 
     reflectivity_of: by number of what a beam met. A particle's share of the light stands in cosines.
     """
-    rings = ranges.shape[1]
+    ranges, hits, cosines = result
+    below, rings = air.below, ranges.shape[1]
     for i in range(len(chosen)):
         c, r = chosen[i] // rings, chosen[i] % rings
         k = min(np.searchsorted(below, uniforms[i, 0] * below[-1]), len(below) - 1)
-        far = ranges_m[k]
+        far = air.ranges_m[k]
         if far >= ranges[c, r]:
             continue
-        root = least[k] - mean[k] * math.log(1.0 - uniforms[i, 1])
+        root = air.least[k] - air.mean[k] * math.log(1.0 - uniforms[i, 1])
         share = min(root * root, 1.0)
         if hits[c, r] != NO_HIT:
             way, met = ranges[c, r], hits[c, r]
             light = cosines[c, r] * (1.0 if met == AIRBORNE_HIT else reflectivity_of[met])
-            if share / (far * far) <= light * math.exp(-2.0 * extinction_per_m * (way - far)) / (way * way):
+            if share / (far * far) <= light * math.exp(-2.0 * air.extinction_per_m * (way - far)) / (way * way):
                 continue
         ranges[c, r], hits[c, r], cosines[c, r] = far, AIRBORNE_HIT, share
