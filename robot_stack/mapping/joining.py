@@ -107,7 +107,8 @@ def _sightings(course: Course, find: Finder, settings: Settings, progress: Progr
 def _agreeing(course: Course, seen: _Sightings, settings: Settings) -> tuple[np.ndarray, str]:
     """((n,) True for the sightings that place the ride alike, "" or why the ride cannot be placed)."""
     frames = seen.pose @ inverse(course.poses[seen.sweep])
-    best, votes = np.zeros(len(frames), bool), []
+    best = np.zeros(len(frames), bool)
+    votes: list[tuple[int, np.ndarray]] = []
     for frame in frames:
         off = difference(frame @ course.poses[seen.sweep], seen.pose)
         alike = (np.linalg.norm(off[:, :2], axis=1) < settings.agree_m) & (np.abs(off[:, 5]) < settings.agree_rad)
