@@ -25,7 +25,7 @@ WHEELCHAIR = "wheelchair"
 
 @dataclass(frozen=True, slots=True)
 class Scene:
-    """movers: names of the bodies that carry shapes, as in /sim/bodies. rects: see ``kernels.cast``.
+    """movers: names of the bodies that carry shapes, as in /sim/bodies. rects: see ``kernels.cast_ground``.
 
     label, reflectivity: by number of what a beam met. glass: numbers of the shapes that are panes.
     """

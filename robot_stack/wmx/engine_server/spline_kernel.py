@@ -33,7 +33,6 @@ from typing import Final
 import numpy as np
 
 from robot_stack.core.compiled import compiled
-from robot_stack.wmx.api.enums import OperationState
 from robot_stack.wmx.engine_server import rows
 from robot_stack.wmx.engine_server.kernel import (
     CMD_ACC,
@@ -49,8 +48,6 @@ from robot_stack.wmx.engine_server.kernel import (
     VELOCITY_CMD,
 )
 from robot_stack.wmx.engine_server.state import EngineArrays, Ints, Reals
-
-INTPL: Final = int(OperationState.Intpl)
 
 (PATH_TIME, RATE, FALL) = range(3)  # FALL: of a timed stop, 0 = by the bounds
 N_CLOCK: Final = 3
