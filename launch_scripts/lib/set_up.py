@@ -142,6 +142,9 @@ def locked(name: str) -> str:
 
 
 def install_project() -> None:
+    for folder in PREFIX.glob("lib/python*/site-packages/*.egg-info"):
+        if folder.is_dir() and not (folder / "PKG-INFO").exists():
+            shutil.rmtree(folder)  # of an interface package whose installation was interrupted; pip fails on it
     quiet = {"PYTHONWARNINGS": "ignore"}  # setuptools warns of every editable installation
     command = [*pip("install"), "--no-deps", "--no-build-isolation", "--editable", str(ROOT)]
     run(command, {**build_environment(), **quiet})
