@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import signal
 from collections.abc import Iterator
@@ -14,7 +15,7 @@ from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
 
 from tests import skips
-from tests.support.environment import stack_environment
+from tests.support.environment import restore_environment, stack_environment
 from tests.support.processes import Start, started_processes
 
 # Every run is identical, because a random failure would only be repeated until it passes. Only launch_scripts/explore
@@ -64,6 +65,18 @@ def fixed_seeds() -> None:
     """Shared random generators start with the same seed in every run."""
     random.seed(0)
     np.random.seed(0)
+
+
+@pytest.fixture(autouse=True)
+def kept_surroundings() -> Iterator[None]:
+    """A command that runs in this process leaves neither a DDS profile nor a signal handler to the next test."""
+    variables, folder = dict(os.environ), os.getcwd()
+    handlers = [(number, signal.getsignal(number)) for number in (signal.SIGINT, signal.SIGTERM)]
+    yield
+    restore_environment(variables)
+    os.chdir(folder)
+    for number, handler in handlers:
+        signal.signal(number, handler)
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -24,6 +24,7 @@ from typing import Any, Generic, ParamSpec, Protocol, TypeVar
 import pytest
 
 from sim.stack.stack import SimulatedStack
+from tests.support.environment import restore_environment
 
 
 class Run(Protocol):
@@ -102,7 +103,7 @@ class _GoingOn(AbstractContextManager[RunT]):
         try:
             return self._begin.context.__exit__(kind, error, trace)
         finally:
-            _set_environment(self._outer)
+            restore_environment(self._outer)
 
 
 _kept: dict[Key, Begin[Any]] = {}
@@ -182,14 +183,8 @@ def _begin(context: AbstractContextManager[RunT]) -> Begin[RunT]:
             raise RuntimeError("the run has threads of its own, which a fork would lose: parallel=False")
         environment = {name: text for name, text in os.environ.items() if outer.get(name) != text}
     finally:
-        _set_environment(outer)
+        restore_environment(outer)
     return Begin(context, value, environment, Files([value.stack.folder, value.stack.scheduler.runtime_folder]))
-
-
-def _set_environment(variables: dict[str, str]) -> None:
-    for name in os.environ.keys() - variables.keys():
-        del os.environ[name]
-    os.environ.update(variables)
 
 
 def _key(make: Callable[..., Any], args: Any, kwargs: Any) -> Key:

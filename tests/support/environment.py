@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -11,6 +12,12 @@ import pytest
 
 from tests.support.domains import held_domain
 from tests.support.processes import ROOT
+
+
+def restore_environment(variables: Mapping[str, str]) -> None:
+    for name in os.environ.keys() - variables.keys():
+        del os.environ[name]
+    os.environ.update(dict(variables.items() - os.environ.items()))
 
 
 @contextmanager
