@@ -12,6 +12,7 @@ from rosbags.highlevel import AnyReader
 
 from robot_stack.core.kept_events import EventRecord, EventState, events_dir, read_events
 from robot_stack.core.rides import read_rides, rides_dir
+from tests.simulated.shared import shareable, shared
 from tests.simulated.stage import Stage, staged
 
 
@@ -26,12 +27,16 @@ BEFORE_S, AFTER_S = 5.0, 3.0
 SETTINGS = (f"black_box.before_s={BEFORE_S}", f"black_box.after_s={AFTER_S}", "black_box.segment_s=2.0")
 
 
+@shareable
 @contextmanager
 def recorded() -> Iterator[Stage]:
     with staged("flat", *SETTINGS, black_box=True) as stage:
         stage.run(2.0)
         assert events() == [], "a start-up is no event"
         yield stage
+
+
+pytestmark = shared(recorded)
 
 
 def events() -> list[EventRecord]:
