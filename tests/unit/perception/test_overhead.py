@@ -234,3 +234,22 @@ def test_geometry_derived_from_a_mounting(robot: Robot) -> None:
     assert lidar.highest_slope() == pytest.approx(math.tan(math.radians(15.0)))
     assert overhead.highest_slope() == pytest.approx(math.tan(math.radians(7.0)))
     assert tilted.highest_slope() < overhead.highest_slope()
+
+
+def test_a_few_returns_between_the_chair_and_the_ground_behind_it_are_no_obstacle(
+    robot: Robot, params: PerceptionParams
+) -> None:
+    """Beams on chair and passenger return a range in between, as if 0.5 m above the ground: four of them, and eight."""
+    chair, ground = frame(chair=True), frame()
+    chair_m, ground_m = (np.linalg.norm([points[axis] for axis in "xyz"], axis=0) for points in (chair, ground))
+    share = 1.0 - 0.5 / robot.range_sensors[SENSOR].xyz_m[2]
+    beams = np.flatnonzero(chair_m < share * ground_m - 0.2)
+    between = share * np.stack([ground[axis][beams] for axis in "xyz"], axis=1)
+    assert len(beams) > 300
+    for middle in between[::60]:
+        nearest = np.argsort(np.linalg.norm(between - middle, axis=1))
+        for count, seen_at_all in ((4, False), (8, True)):
+            mixed = chair.copy()
+            for axis, values in zip("xyz", between[nearest[:count]].T, strict=True):
+                mixed[axis][beams[nearest[:count]]] = values
+            assert (len(seen(mixed, robot, params, chair=True)) > 0) == seen_at_all, (middle, count)
