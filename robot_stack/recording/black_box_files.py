@@ -93,11 +93,14 @@ class BlackBox:
         for made in (self._segments, self._events):
             made.mkdir(parents=True, exist_ok=True)
         self._number = self._last_number()
-        self._inherit()
+        incomplete = self._inherit()
         records = kept_events.read_events(self._events)
         self._event_number = max((record.number for record in records), default=0)
         self._stored = [stored for item in records if (stored := self._sized(item))]
         self.flush()
+        if self._event is not None:  # which keeps them: complete files do not show an interruption
+            for path in incomplete:
+                self._complete_segment(path)
 
     @property
     def path(self) -> Path:
@@ -165,16 +168,34 @@ class BlackBox:
 
     # --- segments ----------------------------------------------------------------------------------------------------
 
-    def _open(self, now_s: float) -> None:
+    def _open(self, now_s: float, *, of_event: bool = True) -> None:
+        """of_event: an event under way keeps the segment."""
         self._number += 1
         name = f"black_box_{self._number:06d}.mcap"
-        self._file = BagFile(self._segments / name, self._topics, self._definitions, self._form)
+        path = self._segments / name
+        try:
+            self._file = BagFile(path, self._topics, self._definitions, self._form)
+        except OSError:
+            path.unlink(missing_ok=True)  # a part of a file would look like an interruption
+            raise
+        sync_folder(self._segments)
         self._window.opened(name, now_s)
-        if self._event is not None:
+        if self._event is not None and of_event:
             self._link(name, self._events / self._event.id)
+
+    def _cut(self, now_s: float, *, of_event: bool) -> None:
+        """The next segment begins before this one is complete, so that an interruption always leaves one incomplete."""
+        ended = self._file
+        try:
+            self._open(now_s, of_event=of_event)
+        finally:
+            self._finish(ended)
 
     def _finish_file(self) -> None:
         file, self._file = self._file, None
+        self._finish(file)
+
+    def _finish(self, file: BagFile | None) -> None:
         if file is not None:
             file.finish(metadata_text([file.info()], self._topics))
 
@@ -187,7 +208,7 @@ class BlackBox:
         self._retry_at_s = now_s + _RETRY_S
 
     def _link(self, name: str, event: Path) -> None:
-        with suppress(FileExistsError):
+        with suppress(FileExistsError, FileNotFoundError):  # deleted by others
             os.link(self._segments / name, event / name)
         sync_folder(event)
 
@@ -202,11 +223,9 @@ class BlackBox:
         triggers = list(self._triggers)
         step = self._window.step(now_s, 0 if self._file is None else self._file.size, bool(triggers))
         if step.cut:
-            self._finish_file()
+            self._cut(now_s, of_event=not step.end)
         if step.end and not refused:
             self._end_event(EventState.COMPLETE)
-        if step.cut:
-            self._open(now_s)
         if triggers and not refused:
             self._note(triggers)
             for _ in triggers:
@@ -279,34 +298,33 @@ class BlackBox:
         names = [path.name for folder in (self._segments, *self._events.iterdir()) for path in folder.glob("*.mcap")]
         return max((int(match[1]) for name in names if (match := _NAME.fullmatch(name))), default=0)
 
-    def _inherit(self) -> None:
-        """Completes the files of an earlier black box. If it was interrupted, an event keeps its segments."""
+    def _inherit(self) -> list[Path]:
+        """Takes over the files of an earlier black box. Returns its incomplete segments, which an event is to keep."""
         now_s, system_s = self._steady_s(), self._system_s()
-        interrupted = False
+        incomplete = []
         for path in sorted(self._segments.glob("*.mcap"), key=lambda item: (len(item.name), item.name)):
-            age_s = system_s - path.stat().st_mtime
             if not is_complete(path):
-                interrupted = True
-                if not self._recovered(path):
-                    path.unlink()
-                    continue
+                incomplete.append(path)
             self._window.opened(path.name, now_s)
             # A set clock makes the age unknown; a segment is then as old as this process.
-            self._window.closed(now_s - max(age_s, 0.0))
+            self._window.closed(now_s - max(system_s - path.stat().st_mtime, 0.0))
         self._inherit_events(now_s)
-        if interrupted and self._event is None:
+        if incomplete and self._event is None:
             self.trigger((INTERRUPTED,))
+        return incomplete
 
-    def _recovered(self, path: Path) -> bool:
-        """False if the file contains nothing."""
+    def _complete_segment(self, path: Path) -> None:
+        """Deletes a file that contains nothing."""
+        if is_complete(path):  # by the event under way
+            return
         try:
             self.notes.append(f"{path}: completed with {recover_file(path)} messages")
         except NotRecoverable as error:
             self.notes.append(str(error))
-            return False
+            for name in (path, self._events / self.event / path.name):
+                name.unlink(missing_ok=True)
         except (InUse, *_FAILED) as error:
             self.notes.append(f"{path}: cannot be completed: {error}")
-        return True
 
     def _inherit_events(self, now_s: float) -> None:
         """Goes on with an event that was under way. Deletes folders of interrupted deletions."""

@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import tarfile
+from collections.abc import Callable
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from robot_stack.contract import topics
 from robot_stack.core import kept_events
 from robot_stack.core.config import load
 from robot_stack.core.kept_events import EventState, MapUsed, NodeSnapshot, Software, read_events
+from robot_stack.recording import black_box_files
 from robot_stack.recording.black_box import INTERRUPTED
 from robot_stack.recording.black_box_files import BlackBox, Clocks, Provenance
 from robot_stack.recording.opening import open_black_box
@@ -286,6 +288,76 @@ def test_a_killed_process_keeps_what_was_flushed(tmp_path: Path, disk: dict[str,
     assert len(before) >= flushed
 
 
+class Killed(BaseException):
+    pass
+
+
+class Killer:
+    """Kills before the n-th change of files, counted from ``armed`` on."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.left: int | None = None
+        for name in ("fsync", "fdatasync"):  # a kill does not need them, and a busy disk takes long
+            monkeypatch.setattr(os, name, lambda _: None)
+        files = black_box_files
+        for owner, names in {
+            files: ("BagFile", "sync_folder", "recover_file", "recover_folder"),
+            files.os: ("link",),
+            files.BagFile: ("finish",),
+            kept_events: ("write_record",),
+        }.items():
+            for name in names:
+                monkeypatch.setattr(owner, name, self._counted(getattr(owner, name)))
+
+    def _counted(self, function: Any) -> Any:
+        def call(*args: Any, **named: Any) -> Any:
+            if self.left is not None:
+                self.left -= 1
+                if self.left < 0:
+                    raise Killed
+            return function(*args, **named)
+
+        return call
+
+    def kills(self, at: int, action: Callable[[], object]) -> bool:
+        """True if the action was killed before its change number ``at``."""
+        self.left = at
+        try:
+            action()
+        except Killed:
+            return True
+        finally:
+            self.left = None
+        return False
+
+
+@pytest.mark.parametrize("when", ["running", "starting"])
+def test_a_kill_before_any_change_of_the_files_loses_nothing(
+    when: str, tmp_path: Path, disk: dict[str, float], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With segments of 2 s, and events from 10 s before to 3 s after; the start is that after another kill."""
+    killer, at, killed = Killer(monkeypatch), 0, True
+    while killed:
+        rig = Rig(tmp_path / str(at), before_s=10.0, after_s=3.0, segment_s=2.0)
+        rig.run(14.0)
+        if when == "running":
+            rig.run(1.0)
+            rig.box.trigger(("CONTACT",))
+            killed = killer.kills(at, lambda rig=rig: rig.run(6.0))  # type: ignore[misc]
+        else:
+            rig.run(1.0)
+            rig.box.abandon()
+            killed = killer.kills(at, rig.make)
+        rig.box.abandon()
+        written = rig.number
+        rig.make()
+        rig.run(6.0)
+        kept = {number for event in read_events(rig.events) for number in rig.numbers(event.id)}
+        assert kept >= set(range(written - 20, written + 5)), at
+        at += 1
+    assert at > 5
+
+
 # --- room ------------------------------------------------------------------------------------------------------------
 
 
@@ -463,6 +535,23 @@ def test_refused_writes_are_reported_and_writing_goes_on(tmp_path: Path) -> None
     kinds, rest = done.stdout.split(" ", 1)
     assert int(kinds) > 1
     assert rest.strip() == "['complete']"
+
+
+def test_a_segment_that_cannot_be_begun_leaves_no_file(rig: Rig, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise the next black box would find an interruption after an ordered end."""
+
+    def refuse(_: object, path: Path, *__: object) -> None:
+        path.touch()
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    rig.run(5.0)
+    with monkeypatch.context() as full:
+        full.setattr(black_box_files.BagFile, "__init__", refuse)
+        rig.run(12.0)
+    rig.run(6.0)
+    rig.box.close()
+    rig.make()
+    assert (rig.box.notes, read_events(rig.events)) == ([], [])
 
 
 # --- what an event contains ------------------------------------------------------------------------------------------
