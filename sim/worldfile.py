@@ -119,6 +119,27 @@ class Door(Placed):
     delay_s: Annotated[float, Field(ge=0.0)] = 1.0
 
 
+class LiftStop(Config):
+    """The cabin at one level: x_m, y_m of its middle. door: the name of its door there, one of the world's."""
+
+    door: str
+    x_m: float
+    y_m: float
+
+
+class LiftCar(Config):
+    """A lift whose levels lie side by side on the ground: its cabin is a place with walls at each of them.
+
+    The robot is moved from one to the other with its wheelchair while the doors are closed. half_m: of the square
+    around the middle in which base_link rides. travel_s: the time between two levels.
+    """
+
+    name: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    half_m: Positive
+    travel_s: Positive
+    stops: Annotated[list[LiftStop], Field(min_length=2)]
+
+
 class Floor(Config):
     """The part of the ground that the world shows, m."""
 
@@ -186,6 +207,7 @@ class WorldFile(Config):
     pits: list[Pit] = []
     people: list[Person] = []
     doors: list[Door] = []
+    lifts: list[LiftCar] = []
     surfaces: dict[str, Annotated[float, Field(ge=0.0, le=1.0)]] = {}
     glass: list[str] = []
     routes: dict[str, Route] = {}
@@ -206,6 +228,9 @@ class WorldFile(Config):
         doors = [door.name for door in self.doors]
         if len(set(doors)) < len(doors):
             raise ValueError(f"doors: names used twice among {', '.join(doors)}")
+        led = [stop.door for lift in self.lifts for stop in lift.stops]
+        if len(set(led)) < len(led) or not set(led) <= set(doors):
+            raise ValueError(f"lifts: each stop needs a door of its own, there are {', '.join(led)}")
         lost = sorted(set(self.chargers) - set(self.stations))
         if lost:
             raise ValueError(f"chargers: no station {', '.join(lost)}")

@@ -15,6 +15,7 @@ from robot_stack.cli.map_build import lines_of, place_of, size_of, wanted
 from robot_stack.cli.map_picture import draw_map
 from robot_stack.core.config import Config, load, read_yaml, validate
 from robot_stack.core.geometry import IDENTITY, Pose2
+from robot_stack.core.levels import read_levels
 from robot_stack.core.site_map import SiteMap, save_map
 from robot_stack.mapping.floor_plan import Plan, PlanError, map_of_plan
 from robot_stack.mapping.params import MappingParams
@@ -41,7 +42,10 @@ class GridFile(Config):
 
 @dataclass(frozen=True, slots=True)
 class PlanOptions:
-    """resolution_m, origin: of the picture; None: those of its YAML file. start: a place on the floor."""
+    """resolution_m, origin: of the picture; None: those of its YAML file. start: a place on the floor.
+
+    Other levels are reached from the stops of lifts in ``levels.yaml`` beside the map.
+    """
 
     resolution_m: float | None = None
     origin: Triple | None = None
@@ -57,8 +61,9 @@ def build_from_plan(source: Path, name: str, output: Path | None, options: PlanO
         raise CommandError(f"--wall-height must be {low:g} to {high:g} m, is {options.wall_height_m:g}", WRONG_USE)
     plan = read_plan(source, options.resolution_m, origin)
     start = Pose2(*options.start, 0.0)
+    stops = [stop.pose for lift in read_levels(folder).lifts.values() for stop in lift.stops.values()]
     try:
-        cells, grid = map_of_plan(plan, start, options.wall_height_m, load(MappingParams, "mapping"))
+        cells, grid = map_of_plan(plan, (start, *stops), options.wall_height_m, load(MappingParams, "mapping"))
     except PlanError as error:
         raise CommandError(f"{source}: {error}") from None
     about = {

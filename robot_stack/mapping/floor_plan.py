@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -61,15 +62,15 @@ class Plan:
         return math.floor(at.y / self.resolution_m), math.floor(at.x / self.resolution_m)
 
 
-def map_of_plan(plan: Plan, start: Pose2, wall_height_m: float, params: MappingParams) -> tuple[Cells, Grid]:
-    """start: a place on the floor; floor that is not connected with it is unknown. Raises PlanError."""
+def map_of_plan(plan: Plan, starts: Sequence[Pose2], wall_height_m: float, params: MappingParams) -> tuple[Cells, Grid]:
+    """starts: places on the floor; floor that is connected with none of them is unknown. Raises PlanError."""
     for name, share in (
         ("dark: there are no walls", plan.walls.mean()),
         ("white: there is no floor", plan.floor.mean()),
     ):
         if share == 0.0:
             raise PlanError(f"no pixel is {name}")
-    reached = _reached(plan, start)
+    reached: Mask = np.any([_reached(plan, start) for start in starts], axis=0)
     every = max(1, round(_FLOOR_STEP_M / plan.resolution_m))
     row, column = np.nonzero(reached[::every, ::every])
     floor = plan.to_map(every * row + 0.5, every * column + 0.5)

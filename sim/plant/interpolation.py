@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 from robot_stack.core.compiled import compiled
 
 F64 = NDArray[np.float64]
+# A longer step between two knots is no motion: a lift has arrived, or the body was placed elsewhere.
+_LEAP_M = 1.0
 
 
 @compiled(error_model="numpy")
 def interpolate(knots_s: F64, poses: F64, times_s: F64, mounted: F64, place: F64, turn: F64) -> None:
     """Fills place (k, 3) and turn (k, 3, 3) with the pose of ``mounted`` (4, 4) on a body, at (k,) rising times.
 
-    poses: (n, 4, 4) of the body at (n,) rising knots; constant before the first and after the last.
+    poses: (n, 4, 4) of the body at (n,) rising knots; constant before the first and after the last, and over a leap.
     """
     quaternions = np.empty((len(knots_s), 4))
     for k in range(len(knots_s)):
@@ -29,6 +31,8 @@ def interpolate(knots_s: F64, poses: F64, times_s: F64, mounted: F64, place: F64
         right = min(left + 1, last)
         span = knots_s[right] - knots_s[left]
         share = min(1.0, max(0.0, (times_s[k] - knots_s[left]) / span)) if span > 0.0 else 0.0
+        if abs(poses[right, 0, 3] - poses[left, 0, 3]) + abs(poses[right, 1, 3] - poses[left, 1, 3]) > _LEAP_M:
+            share = math.floor(share)
         for i in range(3):
             centre[i] = (1.0 - share) * poses[left, i, 3] + share * poses[right, i, 3]
         _slerp(quaternions[left], quaternions[right], share, mixed)

@@ -70,6 +70,10 @@ class Chair:
         shift = pose[:2, :2] @ (along_m, across_m)
         self._push = (steps, np.array([shift[0], shift[1], turn_rad]) / (steps * self._params.physics.timestep_s))
 
+    def shift(self, x_m: float, y_m: float) -> None:
+        """Displaces it in map at once; its motion goes on."""
+        self._data.qpos[self._start : self._start + 2] += x_m, y_m
+
     def step(self) -> None:
         """Continues a running shift."""
         steps, velocity = self._push

@@ -84,7 +84,7 @@ class World:
         self.tolerances = draw_tolerances(robot, params, np.random.default_rng(machine))
         wheelchair = setup.has_wheelchair()
         self.people = walkers(setup.world.people if setup.people else ())
-        self.building = Building(setup.world.doors)
+        self.building = Building(setup.world.doors, setup.world.lifts)
         names = [walker.name for walker in self.people]
         self.mjcf = write_mjcf(robot, params, setup.world, self.tolerances, wheelchair, names)
         self.model = mujoco.MjModel.from_xml_string(self.mjcf)
@@ -148,8 +148,16 @@ class World:
         for walker, mocap in zip(self.people, self._mocap, strict=True):
             walker.step(dt_s, machine, footprint)
             self._put(walker.pose(), mocap)
-        self.building.step(self.time_s, dt_s)
+        for transfer in self.building.step(self.time_s, dt_s):
+            if transfer.moves(machine.x, machine.y):
+                self._shift(transfer.end.x_m - transfer.start.x_m, transfer.end.y_m - transfer.start.y_m)
         self._put_doors()
+
+    def _shift(self, x_m: float, y_m: float) -> None:
+        """Moves the robot, and the wheelchair that it holds, with the cabin of a lift; its motion goes on."""
+        self._qpos[0:2] += x_m, y_m
+        if self.chair is not None and self.chair.held:
+            self.chair.shift(x_m, y_m)
 
     def _put_doors(self) -> None:
         for door, mocap in zip(self.building.doors, self._door_mocap, strict=True):

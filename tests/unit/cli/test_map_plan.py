@@ -14,7 +14,8 @@ from robot_stack.cli.map_build import problems_of
 from robot_stack.cli.map_plan import PlanOptions, build_from_plan, read_plan
 from robot_stack.core.config import ConfigError, config_dir
 from robot_stack.core.geometry import IDENTITY, Pose2
-from robot_stack.core.site_map import load_map
+from robot_stack.core.levels import LEVELS_FILE
+from robot_stack.core.site_map import FREE, load_map
 from sim.mapping.floor_plan import main as draw
 from sim.mapping.floor_plan import walls_of
 from sim.worldfile import load_world
@@ -52,6 +53,22 @@ def test_the_hospital_map_is_what_the_plan_of_its_world_makes(tmp_path):
     assert (tmp_path / "again" / "map.png").is_file()
     shown = CliRunner().invoke(app, ["map", "show", str(tmp_path / "again")])
     assert "floor plan: plan.png at 0.05 m a pixel, walls of 2.5 m" in shown.output
+
+
+def test_the_floor_of_each_level_is_reached_from_the_stops_of_lifts(tmp_path):
+    walls = np.full((200, 100), 0, np.uint8)
+    walls[10:90, 10:90] = walls[110:190, 10:90] = 255  # two rooms of 4 m
+    Image.fromarray(walls[::-1]).save(tmp_path / "rooms.png")
+    area = {"min_x_m": 0.0, "max_x_m": 5.0}
+    stops = {name: {"door": name, "x_m": 2.5, "y_m": y, "yaw_rad": 0.0} for name, y in (("a", 2.5), ("b", 7.5))}
+    areas = {"a": {**area, "min_y_m": 0.0, "max_y_m": 5.0}, "b": {**area, "min_y_m": 5.0, "max_y_m": 10.0}}
+    for levels, free_m2 in ({}, 16.0), ({"levels": areas, "lifts": {"x": {"radius_m": 0.3, "stops": stops}}}, 32.0):
+        (tmp_path / "site").mkdir(exist_ok=True)
+        (tmp_path / "site" / LEVELS_FILE).write_text(yaml.safe_dump(levels))
+        options = PlanOptions(0.05, start=(2.5, 2.5))
+        build_from_plan(tmp_path / "rooms.png", "site", tmp_path, options, plot=False)
+        grid = load_map(str(tmp_path / "site")).grid
+        assert (grid.occupancy == FREE).sum() * grid.resolution_m**2 == pytest.approx(free_m2, abs=1.5)
 
 
 def test_dark_pixels_are_walls_and_transparent_ones_floor(tmp_path):
