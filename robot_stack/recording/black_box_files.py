@@ -98,7 +98,7 @@ class BlackBox:
         self._event_number = max((record.number for record in records), default=0)
         self._stored = [stored for item in records if (stored := self._sized(item))]
         self.flush()
-        if self._event is not None:  # which keeps them: complete files do not show an interruption
+        if self.event:  # which keeps them: complete files do not show an interruption
             for path in incomplete:
                 self._complete_segment(path)
 
