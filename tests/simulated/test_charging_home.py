@@ -7,9 +7,10 @@ from typing import Any
 
 from sensor_msgs.msg import BatteryState
 
+from custom_msgs.action import Dock
 from custom_msgs.msg import MissionOrder, MissionQueue
 from custom_msgs.srv import EditMissionQueue
-from robot_stack.contract import services, topics
+from robot_stack.contract import actions, services, topics
 from robot_stack.core.docks import load_docks
 from robot_stack.core.geometry import Pose2
 from tests.simulated.stage import Stage, staged
@@ -60,3 +61,19 @@ def test_a_low_battery_leads_to_the_charger_and_a_release_away_from_it(tmp_path:
         assert stage.at().distance_to(Pose2(0.8, 0.0, 0.0)) < 0.15
         assert stage.docking.last.state == "IDLE"
         assert battery.last.power_supply_status != CHARGING
+
+
+def test_navigation_does_not_drive_off_with_a_wheelchair_latched_at_the_charger() -> None:
+    with staged("yard", start=load_docks().docks["charger"].staging.pose()) as stage:
+        result = stage.begin(actions.DOCK, Dock.Goal(dock_id="charger")).wait(60.0)
+        assert result.success, result.reason
+        stage.stack.faults.inject("wheelchair", value=60.0)
+        stage.passenger.wait(lambda message: message.data, "the wheelchair", 2.0)
+        docked = stage.at()
+        stage.go(docked.compose(Pose2(1.5, 0.0, 0.0)))
+        stage.plan.wait(lambda message: message.poses, "a plan", 5.0)
+        stage.assert_wheels_rest(3.0)
+        stage.drive(0.2)
+        stage.wait(lambda: stage.at().distance_to(docked) > 0.6, "clear of the charger", 10.0)
+        stage.let_go()
+        stage.wait(lambda: stage.at().distance_to(docked) > 1.4, "the goal", 20.0)
