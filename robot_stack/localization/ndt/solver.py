@@ -19,6 +19,8 @@ from robot_stack.localization.ndt.params import NdtParams
 from robot_stack.localization.ndt.search import Found, Region, search
 
 Floats = npt.NDArray[np.float64]
+# Of the voxels by which a sweep with few places is thinned.
+_NEAR_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,9 +75,9 @@ class SweepSolver:
     def solve(self, request: MatchRequest) -> MatchResult:
         c = self._params.cloud
         try:
-            points = cloud.subsample(
-                request.sweep, self._lidar, request.motion, c.voxel_m, c.min_range_m, c.max_range_m
-            )
+            points = self._thinned(request, c.voxel_m)
+            if len(points) < c.min_points:  # between near walls, as in the cabin of a lift
+                points = self._thinned(request, _NEAR_SHARE * c.voxel_m)
         except ValueError as error:
             return MatchResult(request, None, 0, f"/sensors/lidar/points: {error}")
         if len(points) < c.min_points:
@@ -89,6 +91,10 @@ class SweepSolver:
         if gate.evidence.least_score <= match.score < gate.sure_score:  # only then the gate uses it
             match = self.matcher.weighed(points, match, self._lidar)
         return MatchResult(request, match, len(points), "", self._unseen(request, match, points))
+
+    def _thinned(self, request: MatchRequest, voxel_m: float) -> Floats:
+        c = self._params.cloud
+        return cloud.subsample(request.sweep, self._lidar, request.motion, voxel_m, c.min_range_m, c.max_range_m)
 
     def _unseen(self, request: MatchRequest, match: Match, points: Floats) -> float:
         """At the guess, not at the match: without structure a match may slide away."""

@@ -76,6 +76,21 @@ def test_sweeps_between_furniture_and_people_match_the_walls_of_the_plan() -> No
         assert yaw_between(match.planar, truth) < math.radians(0.3)
 
 
+def test_a_sweep_in_the_cabin_of_a_lift_with_an_open_door_matches() -> None:
+    """Its near walls fill few voxels."""
+    world = load_world("hospital").model_copy(update={"doors": [], "lifts": []})
+    _, solver = site()
+    for y_m in (2.2, 2.85, 42.85):
+        truth = Pose2(-1.0, y_m, math.pi / 2)
+        guess = truth.compose(Pose2(0.1, -0.1, 0.03))
+        sweep, _ = sweep_at(world, pose_of(truth, 0.0, UP), seed=1, people=[])
+        request = MatchRequest(0.0, sweep, np.zeros((1, 4)), pose_of(guess, 0.0, UP), UP, 0.5, None, IDENTITY, 0)
+        result = solver.solve(request)
+        assert result.match is not None, result.problem
+        assert refusal(result.match, guess) == ""
+        assert result.match.planar.distance_to(truth) < 0.03
+
+
 def test_the_plan_refuses_a_guess_in_another_room() -> None:
     for index, truth in enumerate(PLACES):
         guess = truth.compose(ELSEWHERE)
