@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+
 import numpy as np
 import pytest
 import yaml
@@ -42,12 +44,15 @@ def test_the_hospital_map_is_what_the_plan_of_its_world_makes(tmp_path):
     plan = config_dir() / "maps" / "hospital" / "plan.png"
     assert (np.asarray(Image.open(plan)) == np.asarray(Image.open(tmp_path / "plan.png"))).all()
     floor = load_world("hospital").floor
+    (tmp_path / "again").mkdir()
+    shutil.copy(plan.parent / LEVELS_FILE, tmp_path / "again")
     words = ["map", "plan", str(plan), "--name", "again", "--resolution", "0.05", "--output", str(tmp_path)]
     result = CliRunner().invoke(app, [*words, "--origin", f"{floor.min_x_m}", f"{floor.min_y_m}", "0"])
     assert result.exit_code == 0, result.output
     assert "no furniture" in result.output
     made, committed = load_map(str(tmp_path / "again")), load_map("hospital")
     assert problems_of(made) == []
+    assert (made.grid.occupancy[-100:] == FREE).any(), "the floor of the other level"
     assert np.allclose(made.cells.mean, committed.cells.mean)
     assert (made.grid.occupancy == committed.grid.occupancy).all()
     assert (tmp_path / "again" / "map.png").is_file()
