@@ -51,12 +51,14 @@ _MISSIONS: Final = "mission_manager"
 _EMERGENCY: Final = SafetyState.EMERGENCY_STOP.name
 _ROWS = {row.name: row for row in topics.of_system(System.ROBOT, System.SIMULATION)}
 
-# Repeated at their rate, and published at each change beside it.
+# Repeated at their rate, those of the building for each of its doors, and published at each change beside it.
 _CHANGES_AT_ONCE = (
     topics.VELOCITY_LIMIT.name,
     topics.SAFETY_STATUS.name,
     topics.LATCH_STATUS.name,
     topics.SIM_EHMI_DISPLAY.name,
+    topics.BUILDING_REQUEST.name,
+    topics.BUILDING_STATE.name,
 )
 
 # Rows whose condition is the age of what has arrived at the safety monitor.
