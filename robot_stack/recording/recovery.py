@@ -145,9 +145,13 @@ def recorded_files(folder: Path) -> list[str]:
 
 
 def recording_files(path: Path) -> list[Path]:
-    """The MCAP files of a recording's folder in their order, or the one file. Raises NoRecording."""
+    """The MCAP files of a recording's folder in their order, or the one file. Raises NoRecording.
+
+    Left out: files of a folder that are empty, as a power failure can leave the newest one.
+    """
     try:
         files = [path / name for name in recorded_files(path)] if path.is_dir() else [path]
+        files = [file for file in files if file == path or file.stat().st_size > 0]
         for file in files:
             with open(file, "rb") as opened:
                 if opened.read(len(MCAP0_MAGIC)) != MCAP0_MAGIC:

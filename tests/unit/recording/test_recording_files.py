@@ -31,6 +31,7 @@ from robot_stack.recording.recovery import (
     NotRecoverable,
     is_complete,
     main,
+    recording_files,
     recover_all,
     recover_file,
     recover_folder,
@@ -219,6 +220,17 @@ def test_recovery_of_split_recording_leaves_complete_files_unchanged(tmp_path):
     recover_folder(tmp_path / "ride")
     assert (tmp_path / "ride" / "ride_0.mcap").read_bytes() == before
     assert waypoints(tmp_path / "ride") == expected(200)
+
+
+def test_a_file_that_a_power_failure_left_empty_is_no_part_of_the_recording(tmp_path):
+    folder = tmp_path / "ride"
+    bag = make_bag(folder)
+    fill(bag, 10)
+    bag.close()
+    before = recording_files(folder)
+    (folder / "ride_1.mcap").touch()
+    assert recording_files(folder) == before
+    assert len(waypoints(folder)) == 10
 
 
 @pytest.fixture(scope="module")
