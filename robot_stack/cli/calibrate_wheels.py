@@ -79,8 +79,7 @@ def lines_of(learnt: Learnt) -> list[str]:
             for name, radius, radius_sigma, zero, zero_sigma in rows
         ),
         "Differences between the wheels; an error common to all wheels is not observable.",
-        "The swerve controller corrects the same errors while driving, if they are large.",
-        "Adjust zeros beyond 0.1 deg at the module.",
+        "The swerve controller estimates the same values while driving. Adjust zeros beyond 0.1 deg at the module.",
     ]
 
 

@@ -5,10 +5,6 @@ which heading is off: d = (1 - e) R(z) d' for a wheel whose radius is larger by 
 reads z too much. A recursive least squares over those five rows estimates the differences between the wheels, as far
 as the motion excites them: straight motion alone leaves a turn open, motion in several directions nothing. Errors
 common to all wheels are not observable and are held at zero.
-
-Tyres creep, in turns and wherever rolling and steering turn the robot differently, by a share of the way like that of
-small errors of the radii, and always to the same side. So an estimate corrects the odometry only while it explains most
-of the differences between the wheels; what it leaves is creep, which would teach a turn that is not there.
 """
 
 from __future__ import annotations
@@ -29,15 +25,13 @@ _UNKNOWN = 2 * _MODULES
 _SPARE = 5  # rows of a reading that a rigid motion leaves
 # Prior standard deviation of the error common to all wheels: held at zero.
 _COMMON = 1e-6
-# Largest share of the wheels' squared differences that a correction may leave.
-_UNEXPLAINED = 0.5
 # An estimate beyond this many standard deviations of the prior is not a manufacturing tolerance.
 _BOUND = 4.0
 
 
 @dataclass(frozen=True, slots=True)
 class Learnt:
-    """The estimate of a ride, with standard deviations. radius_*: relative. readings: number of used ones.
+    """The calibration of a ride, with standard deviations. radius_*: relative. readings: number of used ones.
 
     unlike_m, left_m: rms residual of a wheel's displacement against a rigid motion, without and with the correction.
     """
@@ -52,8 +46,8 @@ class Learnt:
 
 
 class WheelCalibration:
-    """The present correction. radius_errors: relative, positive for a larger wheel. zero_errors_rad: offset of the
-    steering encoders. All zero as long as the estimate explains too little.
+    """The present estimate. radius_errors: relative, positive for a larger wheel. zero_errors_rad: offset of the
+    steering encoders.
     """
 
     def __init__(self, positions: Positions, params: CalibrationParams) -> None:
@@ -63,7 +57,6 @@ class WheelCalibration:
         self._evidence: NDArray[np.float64] = np.zeros(_UNKNOWN)
         self._deviations = np.repeat([params.radius_deviation, params.zero_deviation_rad], _MODULES)
         self._estimate: NDArray[np.float64] = np.zeros(_UNKNOWN)
-        self._correction: NDArray[np.float64] = np.zeros(_UNKNOWN)
         self._readings = 0
         self._seen_m2 = 0.0
         self.radius_errors: Four = ZEROS
@@ -76,7 +69,7 @@ class WheelCalibration:
             return
         effect = self._projector @ _effects(rows)
         # The rows without the present correction.
-        seen = self._projector @ rows + effect @ self._correction
+        seen = self._projector @ rows + effect @ self._estimate
         weight = self._params.noise_m**-2
         self._information += weight * (effect.T @ effect)
         self._evidence += weight * (effect.T @ seen)
@@ -89,31 +82,25 @@ class WheelCalibration:
         """The calibration from all readings so far."""
         self._solve()
         deviations = np.sqrt(np.diagonal(np.linalg.inv(self._information))).tolist()
-        estimate = self._estimate.tolist()
+        weight, e = self._params.noise_m**-2, self._estimate
+        gained = (self._information - _prior(self._params)) / weight
+        left_m2 = self._seen_m2 - 2.0 * float(e @ self._evidence) / weight + float(e @ gained @ e)
         rows = max(1, _SPARE * self._readings)
         return Learnt(
-            four(estimate[:_MODULES]),
+            self.radius_errors,
             four(deviations[:_MODULES]),
-            four(estimate[_MODULES:]),
+            self.zero_errors_rad,
             four(deviations[_MODULES:]),
             self._readings,
             math.sqrt(self._seen_m2 / rows),
-            math.sqrt(self._left_m2() / rows),
+            math.sqrt(max(0.0, left_m2) / rows),
         )
-
-    def _left_m2(self) -> float:
-        """Sum of the squared differences between the wheels that the estimate leaves."""
-        weight, e = self._params.noise_m**-2, self._estimate
-        gained = (self._information - _prior(self._params)) / weight
-        return max(0.0, self._seen_m2 - 2.0 * float(e @ self._evidence) / weight + float(e @ gained @ e))
 
     def _solve(self) -> None:
         bound = _BOUND * self._deviations
         estimate = np.linalg.solve(self._information, self._evidence)
         self._estimate = np.clip(estimate, -bound, bound)
-        explained = self._left_m2() <= _UNEXPLAINED * self._seen_m2
-        self._correction = self._estimate if explained else np.zeros(_UNKNOWN)
-        values = self._correction.tolist()
+        values = self._estimate.tolist()
         self.radius_errors = values[0], values[1], values[2], values[3]
         self.zero_errors_rad = values[4], values[5], values[6], values[7]
 

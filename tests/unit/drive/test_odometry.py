@@ -13,7 +13,6 @@ from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, exp_s
 from robot_stack.drive.kinematics import ZEROS, Four, wheel_velocities
 from robot_stack.drive.odometry import Encoders, Odometry, SwerveOdometry
 from robot_stack.drive.params import OdometryParams
-from robot_stack.drive.self_calibration import WheelCalibration
 from robot_stack.drive.wheel_fit import robust_fit
 from tests.benchmarks.support.perfect_ride import PerfectRide, perfect_ride
 from tests.unit.drive.robot import PARAMS, POSITIONS, ROBOT
@@ -220,18 +219,6 @@ def test_wheel_radii_and_steering_zeros_are_learnt_from_the_ride(ride: PerfectRi
     assert max(learnt.zero_deviations_rad) < 0.1 * PARAMS.odometry.calibration.zero_deviation_rad
     assert learnt.readings > 500
     assert learnt.left_m < 0.2 * learnt.unlike_m
-
-
-def test_creep_of_the_tyres_teaches_no_turn():
-    """In an arc it looks like small errors of the radii, and explains little of the differences between the wheels."""
-    calibration = WheelCalibration(POSITIONS, PARAMS.odometry.calibration)
-    random, way_m, turn_rad, creep_m = np.random.default_rng(1), 0.018, 0.005, 5e-6
-    for _ in range(1000):
-        along = [way_m - turn_rad * y + math.copysign(creep_m, y) + random.normal(0.0, 1e-5) for _, y in POSITIONS]
-        across = [turn_rad * x + random.normal(0.0, 1e-5) for x, _ in POSITIONS]
-        calibration.observe(list(zip(along, across, strict=True)))
-    assert max(map(abs, calibration.learnt().radius_errors)) > 1e-4, "or there is nothing to withhold"
-    assert calibration.radius_errors == calibration.zero_errors_rad == ZEROS
 
 
 def without_learning() -> OdometryParams:
