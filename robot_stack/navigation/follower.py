@@ -16,13 +16,14 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2
+from robot_stack.core.geometry import IDENTITY, ZERO_TWIST, Pose2, Twist2, wrap_angle
 from robot_stack.core.limits import MotionLimits
 from robot_stack.core.people import Person
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.limits import PlanningLimits
 from robot_stack.navigation.local_map import LocalMap, local_map
 from robot_stack.navigation.params import NavigationParams, PeopleParams
+from robot_stack.navigation.passing import PassingSide, beside
 from robot_stack.navigation.path import Path
 from robot_stack.navigation.pose_follower import PoseFollower
 from robot_stack.navigation.pose_source import Located
@@ -68,7 +69,9 @@ class RouteFollower:
         self._routes = routes
         self._sampling = RolloutController(params.local)
         self._smoother = VelocitySmoother()
+        self._passing = PassingSide(params.passing, params.local.max_offset_m)
         self.route: Path | None = None
+        self._last_route: Path | None = None
         self._poses: tuple[Path, PoseFollower] | None = None
         self._goal: Pose2 | None = None
         self._goal_before: Pose2 | None = None
@@ -82,6 +85,7 @@ class RouteFollower:
         self._gave_way = 0
         # Waiting for a person to pass, and for how long since the last progress.
         self._waits, self._waited_s = False, 0.0
+        self._at_side = False  # where people have a lane beside the robot
         self.recoveries = 0
         self._progress_at: Pose2 | None = None
         self._checked = -1
@@ -95,8 +99,10 @@ class RouteFollower:
         """
         if goal not in (self._goal, self._goal_before):
             self._without_way_s, self._progress_at, self._gave_way, self._waited_s = 0.0, None, 0, 0.0
+            self._last_route = None
         self._goal, self._goal_before = goal, None
         self._sampling.reset()
+        self._passing.reset()
         self._smoother.reset(twist)
         self._stuck_s = self._giving_s = 0.0
         self.route, self._problem, self._blocked_at, self._blocked_looks = None, "", None, 0
@@ -150,12 +156,14 @@ class RouteFollower:
         if abs(beside_m) > p.follow.off_route_m:
             self._ask_again(located, footprint)
         ahead = self.ahead(route, along_m)
-        clear = around.clearance_m(footprint, ahead)
-        at = around.to_odom(ahead)
         metres = np.arange(len(ahead)) * _SPACING_M
         local = self._local()
         speed = self._smoother.twist.speed()
         people = around.people if around.seeing else ()
+        if around.seeing:
+            ahead = self._pass(ahead, around.everybody, footprint, now_s, speed)
+        clear = around.clearance_m(footprint, ahead)
+        at = around.to_odom(ahead)
         along = np.column_stack((at, metres))
         waits = p.passage if self._waited_s < p.passage.wait_s else None
         zones = around.zone_speed_mps(ahead)
@@ -168,10 +176,11 @@ class RouteFollower:
         self._waited_s += dt_s if self._waits else 0.0
         start = self._smoother.start(located.twist)
         table = _table(people, now_s, p.people)
-        aside = self._give_way(located, footprint, now_s, dt_s)
+        aside = self._sidestep(route, located, footprint, table) or self._give_way(located, footprint, now_s, dt_s)
         if aside is not None:
             aside = self._in_zones(aside, located, footprint, limits)
-            return Step(self._smoother.towards(aside, start, limits, dt_s), _ASIDE)
+            change = planning.braking if aside.speed() < speed else limits
+            return Step(self._smoother.towards(aside, start, change, dt_s), _ASIDE)
         pose = located.pose.relative_to(around.map_to_odom)
         exact = self._exact(route, located, footprint, float(cap.speed_mps[:3].min()), limits)
         if exact is not None:
@@ -213,6 +222,48 @@ class RouteFollower:
             return None
         return follower.command(located.pose, ahead, clear_m, speed_mps, limits)
 
+    def _pass(
+        self,
+        ahead: Array,
+        people: tuple[Person, ...],
+        footprint: Footprint,
+        now_s: float,
+        speed_mps: float,
+    ) -> Array:
+        """``ahead``, (n, 3) in map, beside the route where people come."""
+        around = self._around
+
+        def clearance_m(offset_m: float, count: int) -> float:
+            return float(around.clearance_m(footprint, beside(ahead, offset_m)[:count]).min())
+
+        route = np.column_stack((around.to_odom(ahead), _SPACING_M * np.arange(len(ahead))))
+        offsets_m = self._passing.offsets_m(route, people, now_s, speed_mps, footprint, clearance_m)
+        return beside(ahead, offsets_m)
+
+    def _sidestep(self, route: Path, located: Located, footprint: Footprint, people: Array) -> Twist2 | None:
+        """Sideways motion to the side on which people pass, once they are near; None there, or if it is not clear.
+
+        people: (m, 6), odom.
+        """
+        p, pose = self._params.passing, located.pose
+        along_m, beside_m = route.project(pose.x, pose.y)
+        left_m = self._passing.offset_m - beside_m
+        farther = left_m * self._passing.offset_m > 0.0
+        near = self._passing.nearest_m <= p.near_m
+        self._at_side = near and self._passing.offset_m != 0.0 and (abs(left_m) < p.done_m or not farther)
+        if not near or abs(left_m) < p.done_m or not farther:
+            return None
+        (x0, y0, _), (x1, y1, heading_rad) = self.ahead(route, along_m)[:2]
+        course_rad = math.atan2(y1 - y0, x1 - x0) - pose.yaw
+        speed_mps = math.copysign(min(p.speed_mps, p.gain_per_s * abs(left_m)), left_m)
+        turn = self._params.give_way.turn_radps
+        omega = max(-turn, min(turn, wrap_angle(heading_rad - pose.yaw)))
+        twist = Twist2(-speed_mps * math.sin(course_rad), speed_mps * math.cos(course_rad), omega)
+        margin_m = self._params.local.governor_margin_m
+        odom = pose.relative_to(self._around.map_to_odom)
+        twist, clear = self._sampling.governed(odom, twist, footprint, self._local(), people, margin_m)
+        return twist if clear and twist.speed() > p.gain_per_s * p.done_m * 0.5 else None
+
     def _in_zones(self, twist: Twist2, located: Located, footprint: Footprint, limits: MotionLimits) -> Twist2:
         """``twist`` at the zones' speed, stopping before closed doors, without its motion against a one-way zone beyond
         ``back_m``.
@@ -239,9 +290,18 @@ class RouteFollower:
         p, giving = self._params.give_way, self._giving_s > 0.0
         if not giving and (self._stuck_s < self._params.follow.stuck_s or self._gave_way >= p.tries):
             return None
+        if self._at_side and self._waited_s < self._params.passage.wait_s:
+            # They have a lane: farther away, the robot would only draw them along.
+            walk = _rows(tuple(one for one in self._around.people if one.walks), now_s, self._params.people)
+            odom = located.pose.relative_to(self._around.map_to_odom)
+            self._waited_s += 0.0 if nearest_m(odom, footprint, walk) < p.watch_m else dt_s
+            self._waits = True
+            return ZERO_TWIST
         pose = located.pose.relative_to(self._around.map_to_odom)
         # A person just out of an occlusion may stand without having been seen walking.
-        seen = self._around.everybody if no_way else self._around.people  # a group that leaves a way is an obstacle
+        seen = (
+            self._around.in_the_way(now_s) if no_way else self._around.people
+        )  # a group that leaves a way is an obstacle
         everybody = seen if self._around.seeing else ()
         people = _rows(everybody, now_s, self._params.people)
         gap_m, twist = nearest_m(pose, footprint, people), None
@@ -250,7 +310,8 @@ class RouteFollower:
         )
         if self._giving_s < p.most_s and gap_m < (room_m if giving else near_m):
             margin_m = self._params.local.governor_margin_m
-            twist = way_out(pose, footprint, self._local(), people, margin_m, p, room_m)
+            turn_rad = wrap_angle(self._heading_rad(located.pose) - located.pose.yaw)
+            twist = way_out(pose, footprint, self._local(), people, margin_m, p, room_m, turn_rad)
         walkers = _rows(tuple(one for one in everybody if one.walks), now_s, self._params.people)
         if twist is None and giving and self._giving_s < p.most_s and nearest_m(pose, footprint, walkers) < p.watch_m:
             twist = ZERO_TWIST
@@ -262,6 +323,13 @@ class RouteFollower:
             self._giving_s, self._stuck_s, self._gave_way = 0.0, 0.0, self._gave_way + 1
             self._ask_again(located, footprint)
         return None
+
+    def _heading_rad(self, pose: Pose2) -> float:
+        """Of the way at the robot, which is the newest route; the robot's own without any."""
+        if self._last_route is None:
+            return pose.yaw
+        along_m, _ = self._last_route.project(pose.x, pose.y)
+        return float(self.ahead(self._last_route, along_m)[0, 2])
 
     def ahead(self, route: Path, along_m: float) -> Array:
         """(n, 3) poses of the route from ``along_m`` on, evenly spaced, as far as the local controller looks."""
@@ -304,6 +372,9 @@ class RouteFollower:
         self._asked = False
         self.route, self._problem, self._unreachable = answer.route, answer.reason, answer.lasting
         if self.route is not None:
+            # A route around people who stand leads to where they will go on.
+            if self._last_route is None or (self._blocked_at is None and self._stuck_s == 0.0):
+                self._last_route = self.route
             self._blocked_at, self._blocked_looks = None, 0
         return self._problem or _ALONG
 
@@ -331,7 +402,15 @@ class RouteFollower:
             # The way ahead may not be clear any more: brake as hard as allowed.
             return Step(self._smoother.towards(ZERO_TWIST, self._smoother.twist, limits.braking, dt_s), _PLANNING)
         self._stuck_s += dt_s
-        aside = self._give_way(located, footprint, now_s, dt_s, no_way=True)
+        aside = None
+        if self._last_route is not None and self._around.seeing:
+            route = self._last_route
+            along_m, _ = route.project(located.pose.x, located.pose.y)
+            ahead = self.ahead(route, along_m)
+            self._pass(ahead, self._around.in_the_way(now_s), footprint, now_s, 0.0)
+            people = _table(self._around.people, now_s, self._params.people)
+            aside = self._sidestep(route, located, footprint, people)
+        aside = aside or self._give_way(located, footprint, now_s, dt_s, no_way=True)
         if aside is not None:
             aside = self._in_zones(aside, located, footprint, limits.cruise)
             return Step(self._smoother.towards(aside, self._smoother.twist, limits.cruise, dt_s), _ASIDE)

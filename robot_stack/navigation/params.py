@@ -198,6 +198,26 @@ class PeopleParams(Config):
     yield_most_s: NotNegative
 
 
+class PassingParams(Config):
+    """Passing people who come along the way on one side of it.
+
+    room_m: the room that the robot makes for them. margin_m: clearance beside the route. ahead_m: of people who come,
+    and standing_m of those who have stopped, from the robot's front. fade_m: back to the route within this distance.
+    near_m: before people who are nearer than this, the robot moves sideways at once, to done_m of the side.
+    """
+
+    room_m: Positive
+    margin_m: Positive
+    ahead_m: Positive
+    standing_m: Positive
+    least_m: Positive
+    fade_m: Positive
+    near_m: Positive
+    done_m: Positive
+    speed_mps: Positive
+    gain_per_s: Positive
+
+
 class GiveWayParams(Config):
     """Making room if a person and the robot block each other."""
 
@@ -205,6 +225,7 @@ class GiveWayParams(Config):
     room_m: Positive
     least_m: Positive
     speed_mps: Positive
+    turn_radps: Positive
     look_s: Positive
     watch_m: Positive
     most_s: Positive
@@ -281,6 +302,7 @@ class NavigationParams(Config):
     local: LocalParams
     speed_limits: SpeedLimitParams
     people: PeopleParams
+    passing: PassingParams
     give_way: GiveWayParams
     passage: PassageParams
     follow: FollowParams

@@ -198,7 +198,7 @@ def evaluate(
                 for p in range(len(people)):
                     px, py = people[p, 0] + time * people[p, 2], people[p, 1] + time * people[p, 3]
                     gap = person_gap(box, x, y, yaw, px, py, people[p, 4] + 0.06 * time)
-                    if gap < 0.05 or _drives_at(box, x, y, yaw, pose, people[p], time):
+                    if _drives_at(box, x, y, yaw, pose, people[p], time):
                         cost += COLLISION * 0.5 * (1.0 - 0.5 * i / steps)
                     elif gap < person_m and (people[p, 2] != 0.0 or people[p, 3] != 0.0):
                         # Per metre, and not for standing people: else waiting for ever would cost less than any pass.

@@ -12,6 +12,7 @@ from robot_stack.core.limits import MotionLimits
 from robot_stack.core.people import Person
 from robot_stack.core.robot import Footprint
 from robot_stack.navigation.params import PassageParams, PeopleParams, SpeedLimitParams
+from robot_stack.navigation.passing import comes_along, course
 
 Array = npt.NDArray[np.float64]
 _TIME_STEP_S = 0.2
@@ -50,24 +51,28 @@ def speed_limits(
 
     zones_mps: (n,) allowed by the site's speed zones.
     passage: a robot that has to stop for a person does so before a narrow place, not in it; None: where the ways cross.
-    lets_pass: else it stops only before narrow places, and people elsewhere limit its speed alone.
+    lets_pass: else it stops only before narrow places, and people elsewhere limit its speed alone, as do people who
+    come along the way, whom it passes beside it.
     """
     speeds = np.minimum(narrow_speed(clearance_m, limits.speed_mps, params), zones_mps)
+    direction = course(route)
     for one in people:
         x, y = one.at(now_s)
-        gap = np.hypot(route[:, 0] - x, route[:, 1] - y) - one.radius_m - 0.5 * footprint.width_m
-        speeds = np.where(gap < person.near_m, np.minimum(speeds, person.near_mps), speeds)
         gap = _gap(route, (x, y), footprint) - one.radius_m
-        speeds = np.where(gap < person.very_near_m, np.minimum(speeds, person.very_near_mps), speeds)
+        near_mps = np.interp(gap, (person.very_near_m, person.near_m), (person.very_near_mps, person.near_mps))
+        ahead_m = direction[:, 0] * (x - route[:, 0]) + direction[:, 1] * (y - route[:, 1])
+        # The robot drives away from people behind it.
+        near = (gap < person.near_m) & (ahead_m > footprint.rear_m - one.radius_m)
+        speeds = np.where(near, np.minimum(speeds, near_mps), speeds)
     stop_m = np.inf
     for one in people:
         if not one.walks:
             continue
-        stops_m = _conflict(route, one, now_s, speed_mps, footprint, person)
+        stops_m, comes = _conflict(route, one, now_s, speed_mps, footprint, person)
         before_m = stops_m
         if np.isfinite(stops_m) and passage is not None:
             before_m = outside(stops_m, route, clearance_m, one.at(now_s), footprint, passage)
-        if lets_pass or before_m < stops_m:
+        if (lets_pass and not comes) or before_m < stops_m:
             stop_m = min(stop_m, before_m)
     if np.isfinite(stop_m):
         speeds = np.where(route[:, 3] >= stop_m, 0.0, speeds)
@@ -121,8 +126,10 @@ def outside(
 
 def _conflict(
     route: Array, one: Person, now_s: float, speed_mps: float, footprint: Footprint, params: PeopleParams
-) -> float:
-    """Arc length at which to stop so that a walking person can pass, m; inf without a conflict."""
+) -> tuple[float, bool]:
+    """Arc length at which to stop so that a walking person can pass, m; inf without a conflict. And whether the person
+    comes along the way there.
+    """
     times = np.arange(0.0, params.yield_horizon_s, _TIME_STEP_S)
     x, y = one.at(now_s)
     px, py = x + times * one.vx, y + times * one.vy
@@ -135,7 +142,10 @@ def _conflict(
     # A person beside or behind the robot is no reason to yield: stopping would block the way.
     meets &= route[:, 3, None] > footprint.front_m * 0.5
     where = np.flatnonzero(meets.any(axis=1))
-    return float(route[where[0], 3] - footprint.front_m - params.yield_stop_m) if len(where) else np.inf
+    if not len(where):
+        return math.inf, False
+    stop_m = float(route[where[0], 3] - footprint.front_m - params.yield_stop_m)
+    return stop_m, comes_along(one, course(route)[where[0]])
 
 
 def _braking(speeds: Array, along: Array, deceleration: float) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -37,6 +37,10 @@ _MAPPED_M = 0.15
 # 5 m by _MAPPED_M.
 _TURNED_RAD = 0.03
 _MOST_REMEMBERED = 20_000
+# For so long, people in a group are remembered.
+_STOOD_S = 30.0
+_NEAR_M, _CROWD_M = 3.5, 0.3
+_DOT = np.zeros((1, 2))
 # Points around a standing person.
 _AROUND = 24
 _ZONE_STEP_M = 0.1
@@ -92,6 +96,8 @@ class WorldModel:
         self._received_s = -math.inf
         self._people: tuple[Person, ...] = ()
         self._people_stamp_s = self._people_received_s = -math.inf
+        self._walked_s = -math.inf  # when a walking person was in the list
+        self._here = 0.0, 0.0
         self._remembered = np.empty((0, 2))
         self._remembered_s = np.empty(0)
         self._at_map = np.empty((0, 2))  # seen at present, at obstacles of the map
@@ -115,6 +121,20 @@ class WorldModel:
     def everybody(self) -> tuple[Person, ...]:
         """In odom."""
         return self._people
+
+    def in_the_way(self, now_s: float) -> tuple[Person, ...]:
+        """``everybody``, and in a crowd also what the map does not have within ``_NEAR_M`` of the robot, in odom.
+
+        People who came behind others have not been seen apart from them. Only for making room: a thing that is taken
+        for a person costs time.
+        """
+        if self.local is None or self._mapped is None or now_s - self._walked_s > _STOOD_S:
+            return self._people
+        cells = np.unique(np.floor(self.local.points() / _CROWD_M), axis=0)
+        at = (cells + 0.5) * _CROWD_M
+        at = at[(np.hypot(*(at - self._here).T) <= _NEAR_M) & ~self._near_map(self._to_map(at))]
+        crowd = (Person(now_s, x, y, radius_m=0.5 * _CROWD_M, walked=True) for x, y in at.tolist())
+        return (*self._people, *crowd)
 
     def problem(self, steady_s: float) -> str:
         """Why costmap or people forbid motion (missing or stale), else an empty text."""
@@ -140,7 +160,23 @@ class WorldModel:
         self._people_stamp_s, self._people_received_s = stamp_s, received_s
         at = np.array([(one.x, one.y) for one in people]).reshape(-1, 2)
         mapped = np.zeros(len(people), np.bool_) if self._mapped is None else self._near_map(self._to_map(at))
-        self._people = tuple(one for one, near in zip(people, mapped, strict=True) if not near)
+        if any(one.walks for one in people):
+            self._walked_s = stamp_s
+        stood = self._stood(stamp_s, people)
+        self._people = (*(one for one, near in zip(people, mapped, strict=True) if not near), *stood)
+
+    def _stood(self, stamp_s: float, people: tuple[Person, ...]) -> Iterator[Person]:
+        """People who stood where the costmap still shows something, and who are not in the newest list: in a group
+        that others have joined, perception does not separate them.
+        """
+        found = {one.number for one in people}
+        for one in self._people:
+            if one.number in found or not one.walked or one.walks or not 0.0 <= stamp_s - one.stamp_s <= _STOOD_S:
+                continue
+            if self.local is None or self.local.clearance_m(_DOT, np.array([(one.x, one.y, 0.0)]))[0] > one.radius_m:
+                continue
+            if all(math.hypot(one.x - other.x, one.y - other.y) > other.radius_m for other in people):
+                yield replace(one, apart_s=-math.inf)
 
     def on_costmap(
         self, stamp_s: float, resolution_m: float, origin: Pose2, cells: npt.NDArray[np.int8], received_s: float
@@ -167,6 +203,8 @@ class WorldModel:
         """
         if not self.seeing:
             return
+        odom = located.pose.relative_to(located.map_to_odom)
+        self._here = odom.x, odom.y
         uncorrected = self.map_to_odom.compose(located.pose.relative_to(located.map_to_odom))
         step = located.pose.relative_to(uncorrected)
         if math.hypot(step.x, step.y) > _MAPPED_M or abs(step.yaw) > _TURNED_RAD:
@@ -357,8 +395,7 @@ class WorldModel:
     def _map_clearance_m(self, points: Array) -> Array:
         """(n,) distance of points (n, 2), map, from the map's obstacles."""
         assert self._obstacles is not None
-        dot = np.zeros((1, 2))
-        return self._obstacles.clearance_m(dot, np.column_stack((points, np.zeros(len(points)))), known=True)
+        return self._obstacles.clearance_m(_DOT, np.column_stack((points, np.zeros(len(points)))), known=True)
 
     def _to_map(self, points: Array) -> Array:
         o = self.map_to_odom

@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 _DIRECTIONS = 16
 _X, _Y, _RADIUS = 0, 1, 4
 # Value of a metre out of a person's line, in metres of room.
-_ASIDE = 0.3
+_ASIDE = 1.0
 
 
 def nearest_m(pose: Pose2, footprint: Footprint, people: Array) -> float:
@@ -38,13 +38,14 @@ def way_out(
     margin_m: float,
     params: GiveWayParams,
     room_m: float | None = None,
+    turn_rad: float = 0.0,
 ) -> Twist2 | None:
     """The motion (base_link) that leaves people the most room, and the line of the nearest free.
 
     None if there is enough room, or if no motion is clear and effective.
 
     pose: costmap's frame. people: (m, 6) x, y, vx, vy, radius, wanted gap. margin_m: to static obstacles.
-    room_m: enough room; by default as in ``params``.
+    room_m: enough room; by default as in ``params``. turn_rad: to the heading of the way, which is turned to meanwhile.
     """
     room_m = params.room_m if room_m is None else room_m
     at, box, edge = np.array([pose.x, pose.y, pose.yaw]), box_of(footprint), outline(footprint)
@@ -57,7 +58,8 @@ def way_out(
     before = min(people, key=lambda one: math.hypot(one[_X] - at[0], one[_Y] - at[1]))
     for k in range(_DIRECTIONS):
         course = 2.0 * math.pi * k / _DIRECTIONS
-        twist = np.array([params.speed_mps * math.cos(course), params.speed_mps * math.sin(course), 0.0])
+        omega = max(-params.turn_radps, min(params.turn_radps, turn_rad / params.look_s))
+        twist = np.array([params.speed_mps * math.cos(course), params.speed_mps * math.sin(course), omega])
         then = _after(at, twist, params.look_s)
         gap_m = min(_gap(box, then, people), room_m) + _ASIDE * _beside(at, then, before)
         if gap_m <= best_m + 1e-6:
@@ -82,4 +84,4 @@ def _gap(box: Array, at: Array, people: Array) -> float:
 
 def _after(at: Array, twist: Array, time_s: float) -> Array:
     c, s = math.cos(at[2]), math.sin(at[2])
-    return at + time_s * np.array([c * twist[0] - s * twist[1], s * twist[0] + c * twist[1], 0.0])
+    return at + time_s * np.array([c * twist[0] - s * twist[1], s * twist[0] + c * twist[1], twist[2]])

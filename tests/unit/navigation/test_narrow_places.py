@@ -143,12 +143,26 @@ def test_who_is_in_a_passage_or_nearer_has_it(
 
 def test_speed_near_people_counts_from_the_chair_s_front() -> None:
     route = np.column_stack((ALONG, np.zeros((len(ALONG), 2)), ALONG))
-    person = Person(0.0, CHAIR.front_m + 0.3 + 0.9, 0.0, radius_m=0.3)
     far, unlimited = np.full(len(ALONG), 2.0), np.full(len(ALONG), np.inf)
-    cap = speed_limits(
-        route, far, unlimited, (person,), 0.0, 0.5, LIMITS, CHAIR, P.speed_limits, P.people, P.passage, True
-    )
-    assert cap.speed_mps[0] == pytest.approx(P.people.very_near_mps)
+
+    def speed_mps(x: float) -> float:
+        person = Person(0.0, x, 0.0, radius_m=0.3)
+        near = (LIMITS, CHAIR, P.speed_limits, P.people, P.passage, True)
+        return float(speed_limits(route, far, unlimited, (person,), 0.0, 0.5, *near).speed_mps[0])
+
+    assert speed_mps(CHAIR.front_m + 0.3 + P.people.very_near_m - 0.01) == pytest.approx(P.people.very_near_mps)
+    assert P.people.very_near_mps < speed_mps(CHAIR.front_m + 0.3 + 1.0) < P.people.near_mps
+    assert speed_mps(CHAIR.rear_m - 0.3 - 0.1) == LIMITS.speed_mps, "the robot drives away"
+
+
+def test_people_who_come_along_the_way_stop_the_robot_only_before_narrow_places() -> None:
+    route = np.column_stack((ALONG, np.zeros((len(ALONG), 2)), ALONG))
+    person = Person(0.0, 5.5, 0.0, -0.3, 0.05, radius_m=0.25, walks=True, walked=True)
+    unlimited = np.full(len(ALONG), np.inf)
+    near = (LIMITS, CHAIR, P.speed_limits, P.people, P.passage, True)
+    for narrow, yields in (((9.0, 9.0), False), ((0.5, 6.0), True)):
+        cap = speed_limits(route, narrow_between(*narrow), unlimited, (person,), 0.0, 0.6, *near)
+        assert cap.yields == yields, narrow
 
 
 @pytest.mark.parametrize(
