@@ -44,7 +44,7 @@ def near(cells: Cells, x_m: float, y_m: float, z_m: float) -> int:
 
 
 def test_a_wall_is_its_surface_towards_the_floor() -> None:
-    cells, _ = map_of_plan(room(), INSIDE, HEIGHT_M, PARAMS)
+    cells, _ = map_of_plan(room(), [INSIDE], HEIGHT_M, PARAMS)
     wall = near(cells, 2.5, 0.0, 1.5)
     assert cells.mean[wall] == pytest.approx((2.5, 0.0, 1.5), abs=1e-6)
     extent, rough = 1 / 12, 0.05**2
@@ -59,7 +59,7 @@ def test_a_wall_is_its_surface_towards_the_floor() -> None:
 
 
 def test_the_grid_has_the_walls_and_the_floor_of_the_room() -> None:
-    _, grid = map_of_plan(room(), INSIDE, HEIGHT_M, PARAMS)
+    _, grid = map_of_plan(room(), [INSIDE], HEIGHT_M, PARAMS)
     assert grid.resolution_m == PARAMS.grid.resolution_m
     assert value(grid, 0.05, 0.05) == value(grid, 5.95, 3.95) == FREE
     assert value(grid, -0.05, 2.0) == value(grid, 6.05, 2.0) == value(grid, 3.0, 4.15) == OCCUPIED
@@ -70,7 +70,7 @@ def test_the_grid_has_the_walls_and_the_floor_of_the_room() -> None:
 def test_a_turned_plan_makes_the_same_map_turned() -> None:
     origin = Pose2(10.0, -5.0, 0.6)
     start = origin.compose(INSIDE)
-    cells, grid = map_of_plan(room(origin), start, HEIGHT_M, PARAMS)
+    cells, grid = map_of_plan(room(origin), [start], HEIGHT_M, PARAMS)
     for x_m, y_m, expected in ((3.0, 2.0, FREE), (-0.1, 2.0, OCCUPIED), (3.0, 4.1, OCCUPIED), (-0.5, 2.0, UNKNOWN)):
         there = origin.compose(Pose2(x_m, y_m, 0.0))
         assert value(grid, there.x, there.y) == expected
@@ -82,14 +82,17 @@ def test_a_turned_plan_makes_the_same_map_turned() -> None:
 
 @pytest.mark.parametrize(("gap_m", "outside"), [(0.4, UNKNOWN), (0.8, FREE)])
 def test_floor_behind_a_passage_is_reached_and_behind_a_drawn_gap_it_is_not(gap_m: float, outside: int) -> None:
-    _, grid = map_of_plan(room(gap_m=gap_m), INSIDE, HEIGHT_M, PARAMS)
+    _, grid = map_of_plan(room(gap_m=gap_m), [INSIDE], HEIGHT_M, PARAMS)
     assert value(grid, 6.7, 3.0) == outside
 
 
 def test_a_wall_of_one_pixel_between_two_cells_is_closed_in_the_grid() -> None:
     walls = np.zeros((80, 80), np.bool_)
     walls[:, 41] = walls[[0, -1], :] = walls[:, [0, -1]] = True
-    _, grid = map_of_plan(Plan(walls, ~walls, PIXEL_M, Pose2(0.025, 0.0, 0.0)), Pose2(1.0, 2.0, 0.0), HEIGHT_M, PARAMS)
+    plan = Plan(walls, ~walls, PIXEL_M, Pose2(0.025, 0.0, 0.0))
+    _, grid = map_of_plan(plan, [Pose2(1.0, 2.0, 0.0)], HEIGHT_M, PARAMS)
+        Plan(walls, ~walls, PIXEL_M, Pose2(0.025, 0.0, 0.0)), [Pose2(1.0, 2.0, 0.0)], HEIGHT_M, PARAMS
+    )
     assert (grid.occupancy[:, 20:22] == OCCUPIED).any(axis=1).all()
 
 
@@ -105,4 +108,4 @@ def test_a_wall_of_one_pixel_between_two_cells_is_closed_in_the_grid() -> None:
 )
 def test_plans_that_make_no_map(plan: Plan, start: Pose2, words: str) -> None:
     with pytest.raises(PlanError, match=words):
-        map_of_plan(plan, start, HEIGHT_M, PARAMS)
+        map_of_plan(plan, [start], HEIGHT_M, PARAMS)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from robot_stack.core.robot import load_robot
-from robot_stack.mapping.build import begun_at
 from robot_stack.mapping.collector import Collector
+from robot_stack.mapping.course import begun_at
 from robot_stack.mapping.lidar_odometry import lidar_odometry
 from robot_stack.mapping.ride import driven
 from robot_stack.mapping.teaching import GrowingMap, Inputs, Motion, status_line, warnings_of
