@@ -272,9 +272,11 @@ class RouteFollower:
         back_m = self._around.back_left_m(located.pose, twist)
         if back_m == 0.0:
             return Twist2(0.0, 0.0, twist.omega)
-        speed_mps = self._around.zone_limit_mps(located, self._smoother.twist, deceleration_mps2)
+        # The wanted motion may turn from the present one into a zone.
+        ways = (self._smoother.twist, twist)
+        zone_mps = min(self._around.zone_limit_mps(located, way, deceleration_mps2) for way in ways)
         door_mps = self._around.doors.limit_mps(footprint, located.pose, twist, deceleration_mps2)
-        speed_mps = min(speed_mps, door_mps, math.sqrt(2.0 * deceleration_mps2 * back_m))
+        speed_mps = min(zone_mps, door_mps, math.sqrt(2.0 * deceleration_mps2 * back_m))
         return bounded(twist, speed_mps, math.inf)
 
     def _local(self) -> LocalMap:

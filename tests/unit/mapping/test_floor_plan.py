@@ -91,8 +91,6 @@ def test_a_wall_of_one_pixel_between_two_cells_is_closed_in_the_grid() -> None:
     walls[:, 41] = walls[[0, -1], :] = walls[:, [0, -1]] = True
     plan = Plan(walls, ~walls, PIXEL_M, Pose2(0.025, 0.0, 0.0))
     _, grid = map_of_plan(plan, [Pose2(1.0, 2.0, 0.0)], HEIGHT_M, PARAMS)
-        Plan(walls, ~walls, PIXEL_M, Pose2(0.025, 0.0, 0.0)), [Pose2(1.0, 2.0, 0.0)], HEIGHT_M, PARAMS
-    )
     assert (grid.occupancy[:, 20:22] == OCCUPIED).any(axis=1).all()
 
 

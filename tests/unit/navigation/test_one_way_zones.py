@@ -229,5 +229,5 @@ def test_a_robot_that_makes_room_goes_back_no_farther_than_permitted() -> None:
         x = np.array([pose.x for pose in story.poses])
         return float((np.maximum.accumulate(x) - x).max())
 
-    assert farthest_back_m() > BACK_M + 0.5, "without the zone the robot makes more room"
+    assert farthest_back_m() > BACK_M + 0.3, "without the zone the robot makes more room"
     assert farthest_back_m(one_way(0.0, 0.0, 20.0, 0.0, 10.0)) < BACK_M + 0.15
