@@ -15,7 +15,7 @@ import pytest
 
 from robot_stack.contract import topics
 from robot_stack.ros import transport
-from tests.support.other_host import HERE, other_host
+from tests.support.other_host import OtherHost, other_host
 from tests.support.processes import NodeProcess, Start, node_command
 from tests.support.waiting import wait_for
 
@@ -55,21 +55,21 @@ def test_a_process_that_takes_clouds_beside_listens_on_this_machine_alone(start:
 
 
 @pytest.fixture(scope="module")
-def another_host() -> Iterator[str]:
+def another_host() -> Iterator[OtherHost]:
     yield from _host()
 
 
-def _host(*shaping: str) -> Iterator[str]:
+def _host(*shaping: str) -> Iterator[OtherHost]:
     try:
         with other_host(shaping) as host:
-            yield host.name
+            yield host
     except (OSError, subprocess.CalledProcessError) as error:
         pytest.skip(f"no network namespaces here: {error}")
 
 
-def _discovered_by(host: str, for_s: float) -> str:
+def _discovered_by(host: OtherHost, for_s: float) -> str:
     """Number of subscribers to /emergency_stop and to /cmd_vel found from the host, and 1 if the reset was found."""
-    return _in_namespace(host, sys.executable, str(SCRIPTS / "stranger.py"), HERE, str(for_s))
+    return _in_namespace(host.name, sys.executable, str(SCRIPTS / "stranger.py"), host.address, str(for_s))
 
 
 def _in_namespace(name: str, *words: str) -> str:
@@ -79,7 +79,7 @@ def _in_namespace(name: str, *words: str) -> str:
     return done.stdout.strip()
 
 
-def test_a_stranger_on_the_network_reaches_nothing(another_host: str, start: Start, peer: Peer) -> None:
+def test_a_stranger_on_the_network_reaches_nothing(another_host: OtherHost, start: Start, peer: Peer) -> None:
     for name in ("safety_monitor", "swerve_controller"):
         start(name)
         _wait_known(peer, name)
@@ -89,7 +89,7 @@ def test_a_stranger_on_the_network_reaches_nothing(another_host: str, start: Sta
 
 
 def test_a_robot_that_chose_the_network_is_reached(
-    another_host: str, start: Start, peer: Peer, monkeypatch: pytest.MonkeyPatch
+    another_host: OtherHost, start: Start, peer: Peer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Validates the foreign participant of the other test."""
     monkeypatch.setenv(transport.REACH, "SUBNET")
@@ -100,16 +100,18 @@ def test_a_robot_that_chose_the_network_is_reached(
 
 
 @pytest.fixture
-def slow_host() -> Iterator[str]:
+def slow_host() -> Iterator[OtherHost]:
     """Its link needs 8 min for what the test publishes."""
     yield from _host("tbf", "rate", "1mbit", "burst", "32kb", "limit", "2mb")
 
 
-def test_a_slow_link_to_another_computer_holds_no_publisher(slow_host: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_slow_link_to_another_computer_holds_no_publisher(
+    slow_host: OtherHost, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv(transport.REACH, "SUBNET")
     monkeypatch.delenv(transport.PROFILE, raising=False)
     command = [sys.executable, str(SCRIPTS / "slow_link.py")]
-    with subprocess.Popen(["ip", "netns", "exec", slow_host, *command, "receive"]) as subscriber:
+    with subprocess.Popen(["ip", "netns", "exec", slow_host.name, *command, "receive"]) as subscriber:
         try:
             done = subprocess.run([*command, "send"], capture_output=True, text=True, check=True, timeout=120.0)
         finally:
