@@ -36,7 +36,7 @@ class GeoJsonFile(Generic[Content]):
         self._files, self._parse, self._nothing = files, parse, nothing
         self._invalid, self._changed = invalid, changed
         self._begun = self.revision()
-        self._seen: tuple[str, Content, str] | None = None
+        self._seen: tuple[str, Content, str] = self._begun, *self._read()
 
     def revision(self) -> str:
         """Of the content in force, empty without a file."""
@@ -45,14 +45,15 @@ class GeoJsonFile(Generic[Content]):
     def read(self) -> tuple[Content, str]:
         """The content in force, and what is wrong with the file."""
         revision = self.revision()
-        if self._seen is None or self._seen[0] != revision:
+        if self._seen[0] != revision:
             self._seen = revision, *self._read()
         return self._seen[1:]
 
     def state(self) -> dict[str, Any]:
-        """problem: of a wrong file. changed: since the node started. file: in force, empty without one."""
-        _, problem = self.read()
-        revision = self.revision()
+        """Of the newest ``read``. problem: of a wrong file. changed: since the node started. file: in force, empty
+        without one.
+        """
+        revision, _, problem = self._seen
         return {
             "problem": problem,
             "revision": revision,
