@@ -283,33 +283,35 @@ class RouteFollower:
         return self._around.local or _NOWHERE
 
     def _give_way(
-        self, located: Located, footprint: Footprint, now_s: float, dt_s: float, *, no_way: bool = False
+        self,
+        located: Located,
+        footprint: Footprint,
+        now_s: float,
+        dt_s: float,
+        crowd: tuple[Person, ...] | None = None,
     ) -> Twist2 | None:
         """The motion to make room for a person, zero to let them pass; None if not needed or without effect.
 
-        no_way: there is no route, so a person who stands in it needs more room to come out.
+        crowd: what stands in the way if there is no route: it needs more room to come out. A group that leaves a way is
+        an obstacle instead.
         """
         p, giving = self._params.give_way, self._giving_s > 0.0
         if not giving and (self._stuck_s < self._params.follow.stuck_s or self._gave_way >= p.tries):
             return None
+        pose = located.pose.relative_to(self._around.map_to_odom)
         if self._at_side and self._waited_s < self._params.passage.wait_s:
             # They have a lane: farther away, the robot would only draw them along.
             walk = _rows(tuple(one for one in self._around.people if one.walks), now_s, self._params.people)
-            odom = located.pose.relative_to(self._around.map_to_odom)
-            self._waited_s += 0.0 if nearest_m(odom, footprint, walk) < p.watch_m else dt_s
+            self._waited_s += 0.0 if nearest_m(pose, footprint, walk) < p.watch_m else dt_s
             self._waits = True
             return ZERO_TWIST
-        pose = located.pose.relative_to(self._around.map_to_odom)
         # A person just out of an occlusion may stand without having been seen walking.
-        seen = (
-            self._around.in_the_way(now_s) if no_way else self._around.people
-        )  # a group that leaves a way is an obstacle
+        seen = self._around.people if crowd is None else crowd
         everybody = seen if self._around.seeing else ()
         people = _rows(everybody, now_s, self._params.people)
         gap_m, twist = nearest_m(pose, footprint, people), None
-        near_m, room_m = (
-            (p.watch_m, p.watch_m) if no_way and any(one.walked for one in everybody) else (p.near_m, p.room_m)
-        )
+        roomy = crowd is not None and any(one.walked for one in everybody)
+        near_m, room_m = (p.watch_m, p.watch_m) if roomy else (p.near_m, p.room_m)
         if self._giving_s < p.most_s and gap_m < (room_m if giving else near_m):
             margin_m = self._params.local.governor_margin_m
             turn_rad = wrap_angle(self._heading_rad(located.pose) - located.pose.yaw)
@@ -404,15 +406,15 @@ class RouteFollower:
             # The way ahead may not be clear any more: brake as hard as allowed.
             return Step(self._smoother.towards(ZERO_TWIST, self._smoother.twist, limits.braking, dt_s), _PLANNING)
         self._stuck_s += dt_s
-        aside = None
+        aside, crowd = None, self._around.in_the_way(now_s)
         if self._last_route is not None and self._around.seeing:
             route = self._last_route
             along_m, _ = route.project(located.pose.x, located.pose.y)
             ahead = self.ahead(route, along_m)
-            self._pass(ahead, self._around.in_the_way(now_s), footprint, now_s, 0.0)
+            self._pass(ahead, crowd, footprint, now_s, 0.0)
             people = _table(self._around.people, now_s, self._params.people)
             aside = self._sidestep(route, located, footprint, people)
-        aside = aside or self._give_way(located, footprint, now_s, dt_s, no_way=True)
+        aside = aside or self._give_way(located, footprint, now_s, dt_s, crowd)
         if aside is not None:
             aside = self._in_zones(aside, located, footprint, limits.cruise)
             return Step(self._smoother.towards(aside, self._smoother.twist, limits.cruise, dt_s), _ASIDE)
