@@ -58,7 +58,7 @@ def build_from_recordings(
         except RideError as error:
             where = f"{recordings[0]}: " if len(recordings) == 1 else ""
             raise CommandError(f"{where}{error}") from None
-    warnings += doubts(built, params.joining)
+    warnings += wall_warnings(built, params.joining)
     for warning in warnings:
         print(f"warning: {warning}", file=sys.stderr)
     site = SiteMap(name, built.cells, built.grid, _about(built, start))
@@ -90,12 +90,12 @@ def recognition() -> Recognition:
     return of
 
 
-def doubts(built: Built, settings: Joining) -> list[str]:
+def wall_warnings(built: Built, settings: Joining) -> list[str]:
     """Warnings about rides whose walls do not agree."""
     return [
         f"{name}: its walls are {overlap.rms_m:.3f} m (rms) from those of the rides before it: look for doubled walls"
         for name, overlap in zip(built.names[1:], built.overlaps, strict=True)
-        if overlap.rms_m > settings.doubted_m
+        if overlap.rms_m > settings.wall_warning_m
     ]
 
 

@@ -77,7 +77,7 @@ class Joining(Config):
     deviation_m: Positive
     deviation_rad: Positive
     flat_m: Positive
-    doubted_m: Positive
+    wall_warning_m: Positive
 
 
 class Refinement(Config):

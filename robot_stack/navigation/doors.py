@@ -88,13 +88,13 @@ class _Door:
             if self.passage is not None:
                 self.passage.confirmed = False
         if state.mode != DoorMode.OPEN or not state.held:
-            self.doubt()
+            self.forget_open()
         elif -_CLOCKS_S <= now_s - state.stamp_s <= _STALE_S:
             if not self._is_open(now_s):
                 self._open_from_s = now_s
             self._open_until_s = now_s
 
-    def doubt(self) -> None:
+    def forget_open(self) -> None:
         """Ends the present run of reports that the door is open."""
         self._open_from_s = self._open_until_s = math.nan
 
@@ -162,7 +162,7 @@ class Doors:
             # A cabin is at one level: reports of two open doors contradict each other.
             lift = self._lifts[state.name]
             for name in (other for other, owner in self._lifts.items() if owner == lift and other != state.name):
-                self._doors[name].doubt()
+                self._doors[name].forget_open()
 
     def confirm(self, name: str, now_s: float) -> str:
         """Staff see that the door is open: it counts for the present passage, until the building reports it closed or

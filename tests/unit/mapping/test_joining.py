@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from robot_stack.cli.map_build import doubts, lines_of, recognition
+from robot_stack.cli.map_build import lines_of, recognition, wall_warnings
 from robot_stack.core.robot import load_robot
 from robot_stack.core.site_map import SiteMap
 from robot_stack.mapping.build import build_map
@@ -60,8 +60,8 @@ def test_how_the_rides_fit_is_reported(built):
 
 def test_rides_whose_walls_do_not_agree_are_doubted(built):
     settings = site.params().joining
-    assert doubts(built, settings) == []
-    assert doubts(built, settings.model_copy(update={"doubted_m": 1e-4}))[0].startswith("b: its walls are")
+    assert wall_warnings(built, settings) == []
+    assert wall_warnings(built, settings.model_copy(update={"wall_warning_m": 1e-4}))[0].startswith("b: its walls are")
 
 
 # --- without sweeps: the finder alone decides -------------------------------------------------------------------------

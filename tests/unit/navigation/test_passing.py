@@ -59,7 +59,7 @@ def test_people_who_come_find_a_lane_beside_the_robot(y: float) -> None:
         (stands(5.0, 0.2),),  # too far to have stopped for the robot
         (Person(0.0, 2.0, 0.2, radius_m=0.25),),  # a thing
     ],
-    ids=["nobody", "lane", "crosses", "ahead", "passed", "far", "thing"],
+    ids=["empty", "lane", "crosses", "ahead", "passed", "far", "thing"],
 )
 def test_the_route_is_followed_otherwise(people: tuple[Person, ...]) -> None:
     assert not offsets_m(side(), *people).any()
